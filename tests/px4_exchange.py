@@ -63,11 +63,10 @@ class Flight:
         self.error: BaseException | None = None
         self.exchange = Exchange(
             specs,
-            speed=float("inf"),
             on_tick=self._tick,
             on_event=self.events.append,
             build_model=lambda airframe, home: SteppingModel(self.driven),
-            **settings,
+            **{"speed": float("inf"), **settings},
         )
 
     def _tick(self, status: ClockStatus) -> None:

@@ -8,7 +8,7 @@ another one waits. HOW, words with commas between:
     unlocked    its flags lack the bit that says lockstep
     naps        the first answer is given by a thread that sleeps 10 ms before, as when PX4 boots
     keeps       what it reads is kept in the file ``hil.bin`` of the folder that it is in
-    real-time   its reader is a real-time thread
+    real-time   its threads are real-time ones; one of them, named as what keeps PX4's missions, waits
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ class Player:
             Path("/proc/thread-self/comm").write_text("sim_rcv", encoding="ascii")
         if "real-time" in self._how:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            threading.Thread(target=wait_for_ever, daemon=True).start()
         frames = 0
         keeps = KEPT.open("wb", buffering=0) if "keeps" in self._how else nullcontext()
         with socket.create_connection(("127.0.0.1", self._port)) as connection, keeps as kept:
@@ -74,6 +75,12 @@ class Player:
             threading.Thread(target=send_later, args=(connection, answer)).start()
         else:
             connection.sendall(answer)
+
+
+def wait_for_ever() -> None:
+    """Do nothing, as PX4's dataman without missions."""
+    Path("/proc/thread-self/comm").write_text("dataman", encoding="ascii")
+    threading.Event().wait()
 
 
 def send_later(connection: socket.socket, data: bytes) -> None:

@@ -179,6 +179,10 @@ class FleetClock:
         member.ended = True
         self._find_slowest()
 
+    def excuse(self, member: Member) -> None:
+        """`member` owes nothing for now, as it has not been answered yet: its silence begins anew."""
+        member.idle_ns = 0
+
     def take_absent(self) -> list[Member]:
         """If the start timeout has just passed, start, and give the members that have not joined.
 

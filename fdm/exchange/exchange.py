@@ -51,7 +51,7 @@ class Exchange:
             try both alternately in the first seconds, and keep the faster one. Only Linux can, with cores to choose
             from.
         speed: sim time per wall time; inf = as fast as possible.
-        window_ns: how far a UA may run ahead of the slowest; None = one frame at the slowest rate.
+        window_ns: how far a UA may run ahead of the slowest; None = one frame at the slowest rate, with PX4s a tick.
         stall_timeout_s: wall time after which a UA that does not answer is let go.
         tick_period_ns: sim time between ticks.
         hold_ticks: wait for `release_tick` at every tick.
@@ -97,7 +97,9 @@ class Exchange:
     ) -> None:
         settings = ClockSettings(
             speed=speed,
-            window_ns=tick_period_ns if called or any(spec.px4 for spec in aircraft) else window_ns,
+            window_ns=tick_period_ns
+            if called or (window_ns is None and any(spec.px4 for spec in aircraft))
+            else window_ns,
             tick_period_ns=tick_period_ns,
             hold_ticks=hold_ticks,
             stall_timeout_ns=nanoseconds("stall_timeout_s", stall_timeout_s),

@@ -125,6 +125,10 @@ class Service:
         if fields is not None:
             self._act(seat, seat.aircraft.asked(fields, seat.connection, self._clock.wall_ns))
 
+    def excuse_px4(self, seat: Px4Seat) -> None:
+        """PX4 has not been sent its frame yet, as others fly on its core."""
+        self._clock.excuse(seat.member)
+
     def tell_px4(self, seat: Px4Seat, kind: EventKind) -> None:
         """PX4 says nothing, or cannot be flown."""
         self._tell(kind, seat.member, _PX4_TROUBLE[kind])

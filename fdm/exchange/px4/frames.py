@@ -2,7 +2,8 @@
 
 A frame is done when PX4 is at rest: what the frame has set going is over, all that PX4 says is said, and if it has not
 answered by then it will not, and keeps its outputs (so it is while it boots). What a frame comes to is thus a matter of
-the frames before it alone, and of no wall time.
+the frames before it alone, and of no wall time. One that is answered has said all that the model needs: it may be taken
+as done before, if PX4 is at rest when the next one is sent.
 
 Where nobody can see whether PX4 is at rest (it is on another machine), a frame is done when it is answered; before the
 first answer also when patience has run out.

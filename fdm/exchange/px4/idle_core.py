@@ -13,15 +13,21 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+
+from fdm.exchange.px4.one_core import core_in_order
 
 OURS = str(Path(__file__).resolve().parents[3])
 """Where this package is: before what the program has on its path, as files there may have our names."""
 READY, PLACES = 255, 255
 """What the probe says when it is ready; else it says the place of a PX4, of which there are so many."""
+JOIN, LEAVE, ASK = "join", "leave", "ask"
+"""First words of what it is told."""
 AT_ONCE = 2
 """PX4s of a core that fly in turn: one computes its frame while the other's next one is computed."""
 END_S = 1.0
+"""Wall time for the probe to end."""
 _READ_BYTES = 4096
 _log = logging.getLogger(__name__)
 
@@ -34,40 +40,43 @@ class IdleCore:
 
     Attributes:
         is_ready: whether the probe runs, as it has said. One that may have no real-time priority never does.
+        is_over: whether it has ended.
 
     Raises:
         OSError: no process can be started.
     """
 
     def __init__(self, core: int) -> None:
-        self.is_ready = False
+        self.is_ready = self.is_over = False
         self._asked: set[int] = set()
         self._joined = 0
         self._flying: set[int] = set()
-        with contextlib.ExitStack() as far:
+        with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
             their_read, self._write = os.pipe()
-            far.callback(os.close, their_read)
+            theirs.callback(os.close, their_read)
+            ours.callback(os.close, self._write)
             self._read, their_write = os.pipe()
-            far.callback(os.close, their_write)
+            theirs.callback(os.close, their_write)
+            ours.callback(os.close, self._read)
             os.set_blocking(self._read, False)
+            words = [
+                "-P",
+                "-m",
+                "fdm.exchange.px4.idle_core_probe",
+                *map(str, (their_read, their_write, core)),
+            ]
             # A process of its own and no fork of this one, which may have threads.
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-P",
-                    "-m",
-                    "fdm.exchange.px4.idle_core_probe",
-                    *map(str, (their_read, their_write, core)),
-                ],
+                [sys.executable, *words],
                 pass_fds=(their_read, their_write),
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
                 start_new_session=True,  # Ctrl-C is for who has started it
             )
-        self._is_open = True
+            self._ends = ours.pop_all()
 
     def fileno(self) -> int:
-        """Can be read when somebody who was asked about may be at rest."""
+        """Can be read when somebody who was asked about may be at rest, and when the probe has ended."""
         return self._read
 
     def join(self, pid: int, wake_ports: Sequence[int]) -> int:
@@ -84,14 +93,20 @@ class IdleCore:
         if self._joined == PLACES:
             raise ValueError(f"{PLACES} PX4s have flown on one core")
         place, self._joined = self._joined, self._joined + 1
-        self._say(place, pid, *wake_ports)
+        self._say(JOIN, place, pid, *wake_ports)
         return place
+
+    def leave(self, place: int) -> None:
+        """That one flies no more."""
+        self.end_turn(place)
+        self._asked.discard(place)
+        self._say(LEAVE, place)
 
     def ask(self, place: int) -> None:
         """Ask for rest, and rest after the wakes."""
         if place not in self._asked:
             self._asked.add(place)
-            self._say(place)
+            self._say(ASK, place)
 
     def is_at_rest(self, place: int) -> bool:
         """Whether what was asked for is done. Nothing is where the probe has ended."""
@@ -100,7 +115,7 @@ class IdleCore:
         return place not in self._asked
 
     def may_fly(self, place: int) -> bool:
-        """Whether this one has its turn, which it takes if few have.
+        """Whether this one has its turn, which it takes if fewer than AT_ONCE have.
 
         They fly for as long as they may: what each computes with stays in the core's caches.
         """
@@ -118,33 +133,40 @@ class IdleCore:
             said = os.read(self._read, _READ_BYTES)
         except BlockingIOError:
             return
-        except OSError:
-            said = b""
         if not said:
-            self.is_ready = False
+            self.is_ready, self.is_over = False, True
         elif READY in said:
             self.is_ready = True
         self._asked.difference_update(said)
 
     def close(self) -> None:
         """End it; again has no effect. Before the PX4s: one that spins leaves the probe no time to end."""
-        if self._is_open:
-            self._is_open = self.is_ready = False
-            os.close(self._write)
-            os.close(self._read)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(END_S)
-
-    def _say(self, *words: int) -> None:
+        self.is_ready = False
+        self._ends.close()
         try:
-            os.write(self._write, b"%s\n" % " ".join(map(str, words)).encode())
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def _say(self, *words: str | int) -> None:
+        try:
+            os.write(self._write, f"{' '.join(map(str, words))}\n".encode())
         except OSError as error:
             self.is_ready = False
             _log.debug("the probe has ended: %s", error)
 
 
 class CoreShare:
-    """A PX4's part in the core on which it flies."""
+    """A PX4's part in the core on which it flies.
+
+    Args:
+        core: the core.
+        pid: see `IdleCore.join`.
+        wake_ports: see `IdleCore.join`.
+
+    Raises:
+        ValueError: there are too many.
+    """
 
     def __init__(self, core: IdleCore, pid: int, wake_ports: Sequence[int]) -> None:
         self._core, self._place = core, core.join(pid, wake_ports)
@@ -155,7 +177,7 @@ class CoreShare:
         return self._core.is_ready
 
     def may_fly(self) -> bool:
-        """Whether it has its turn, which it takes if nobody has."""
+        """Whether it has its turn, which it takes if there is one."""
         return self._core.may_fly(self._place)
 
     def end_turn(self) -> None:
@@ -170,31 +192,40 @@ class CoreShare:
         """Whether what was asked for is done."""
         return self._core.is_at_rest(self._place)
 
+    def leave(self) -> None:
+        """It flies no more, or is looked at from now on."""
+        self._core.leave(self._place)
+
 
 class IdleCores:
     """The cores on which the PX4s of an exchange fly.
 
     Args:
         listen: has the exchange's loop call something when a file descriptor can be read.
+        forget: takes that back.
     """
 
-    def __init__(self, listen: Callable[[int, Callable[[], object]], object]) -> None:
-        self._listen = listen
+    def __init__(
+        self, listen: Callable[[int, Callable[[], object]], object], forget: Callable[[int], object]
+    ) -> None:
+        self._listen, self._forget = listen, forget
         self._cores: dict[int, IdleCore] = {}
 
     def share(self, pid: int, wake_ports: Sequence[int]) -> CoreShare | None:
         """A PX4 has booted; None: whether it is at rest has to be looked for.
 
         Args:
-            pid: its process, whose threads are real-time ones on one core.
+            pid: its process.
             wake_ports: see `IdleCore.join`.
         """
         try:
-            (core,) = os.sched_getaffinity(pid)
+            core = core_in_order(pid)
+            if core is None:
+                return None
             if core not in self._cores:
                 self._cores[core] = IdleCore(core)
-                self._listen(self._cores[core].fileno(), self._cores[core].hear)
-            return CoreShare(self._cores[core], pid, wake_ports)
+                self._listen(self._cores[core].fileno(), partial(self._hear, self._cores[core]))
+            return None if self._cores[core].is_over else CoreShare(self._cores[core], pid, wake_ports)
         except (OSError, ValueError) as error:
             _log.debug("whether PX4 (process %d) is at rest is looked for: %s", pid, error)
             return None
@@ -203,3 +234,8 @@ class IdleCores:
         """End what tells of them."""
         for core in self._cores.values():
             core.close()
+
+    def _hear(self, core: IdleCore) -> None:
+        core.hear()
+        if core.is_over:
+            self._forget(core.fileno())

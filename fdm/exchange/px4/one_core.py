@@ -13,7 +13,7 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
-from fdm.exchange.px4.quiet import thread_ids
+from fdm.exchange.px4.quiet import PROC, thread_ids, thread_name
 
 _IN_ORDER = ("SCHED_FIFO", "SCHED_RR")
 
@@ -58,10 +58,30 @@ def runs_in_order(pid: int) -> bool:
     """Whether some thread of the process is a real-time one, as PX4's are where it may have them."""
     if not hasattr(os, "sched_getscheduler"):
         return False
-    policies = {getattr(os, name) for name in _IN_ORDER}
     with suppress(OSError):
-        return any(os.sched_getscheduler(tid) in policies for tid in thread_ids(pid))
+        return any(_is_real_time(tid) for tid in thread_ids(pid))
     return False
+
+
+def core_in_order(pid: int) -> int | None:
+    """The one core of a process whose threads are all real-time ones; None: there is no such core.
+
+    Those that have the process's own name may be others: they serve PX4's shell.
+
+    Raises:
+        OSError: a thread ends meanwhile.
+    """
+    own_name = thread_name(f"{PROC}/{pid}")
+    cores: set[int] = set()
+    for tid in thread_ids(pid):
+        if not _is_real_time(tid) and thread_name(f"{PROC}/{tid}") != own_name:
+            return None
+        cores |= os.sched_getaffinity(tid)
+    return cores.pop() if len(cores) == 1 else None
+
+
+def _is_real_time(tid: int) -> bool:
+    return os.sched_getscheduler(tid) in {getattr(os, name) for name in _IN_ORDER}
 
 
 def may_run_in_order() -> bool:

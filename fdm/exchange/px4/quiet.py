@@ -23,6 +23,7 @@ from contextlib import suppress
 
 PROC = "/proc"
 _ENDED = (b"Z", b"X")
+_DISK = b"D"
 _AT_REST = (b"S", *_ENDED)
 """States of proc(5): sleeps, has ended."""
 _CPUCLOCK_SCHED = 2
@@ -242,7 +243,7 @@ class Rest:
         try:
             if not self._reader:
                 self._all()
-                named = (path for path, each in self._threads.items() if each.name() == self._reader_name)
+                named = (path for path in self._threads if thread_name(path) == self._reader_name)
                 self._reader = next(named, "")
             return _runs(self._says(f"{self._reader}/schedstat")) if self._reader else -1
         except OSError:  # it has ended, or another thread has just now
@@ -286,6 +287,12 @@ class Thread:
         self.place = self._wchan.read()
         return self.place in _WAITS or self._state() in _AT_REST
 
+    def waits_for_disk(self) -> bool:
+        """Whether it waits for what ends by itself and cannot be interrupted, such as a disk; False if it has ended."""
+        with suppress(OSError):
+            return self._wchan.read() not in _WAITS and self._state() == _DISK
+        return False
+
     def has_ended(self) -> bool:
         """Whether it has ended, and is still there."""
         return self._state() in _ENDED
@@ -296,10 +303,6 @@ class Thread:
     def runs(self) -> int:
         """How often it was given a processor."""
         return _runs(_read(f"{self._path}/schedstat"))
-
-    def name(self) -> str:
-        """Its name."""
-        return _read(f"{self._path}/comm").decode(errors="replace").strip()
 
     def close(self) -> None:
         """Close its file."""
@@ -334,13 +337,22 @@ def thread_ids(pid: int) -> list[int]:
     return [int(path.rpartition("/")[2]) for path in _tasks(pid)]
 
 
+def thread_name(path: str) -> str:
+    """Name of the thread at a path of /proc.
+
+    Raises:
+        OSError: it has ended.
+    """
+    return _read(f"{path}/comm").decode(errors="replace").strip()
+
+
 def names_of_threads(pid: int) -> set[str]:
     """Names of the process's own threads, as far as they can be read."""
     names = set()
     with suppress(OSError):
         for tid in os.listdir(f"{PROC}/{pid}/task"):  # noqa: PTH208 (as below)
             with suppress(OSError):
-                names.add(_read(f"{PROC}/{pid}/task/{tid}/comm").decode(errors="replace").strip())
+                names.add(thread_name(f"{PROC}/{pid}/task/{tid}"))
     return names
 
 

@@ -19,7 +19,7 @@ from fdm.exchange.px4.idle_core import CoreShare, IdleCores
 from fdm.exchange.px4.one_core import our_cores
 from fdm.exchange.px4.peer import Peer
 from fdm.exchange.px4.quiet import Rest
-from fdm.exchange.px4.watched import watch
+from fdm.exchange.px4.watched import BEFORE_REST, watch
 from fdm.model.px4_sensors import Px4Encoder, Px4Sensors
 from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
 from fdm.wire.servo_packet import Fields
@@ -31,7 +31,7 @@ ANSWERS_NS = 2_000_000
 SETTLES_NS = 500_000_000
 """Wall time for which it is looked before a frame whether PX4 is at rest again: it may have to wait for the disk. Then
 the frame is sent all the same."""
-WAKES, WAKE_AGE_NS = 10, 2_000_000
+WAKES, WAKE_AGE_NS = 10, 4_000_000
 """How often its MAVLink threads are woken anew before a frame, and how long ago at most that may be, in wall time: they
 wake by themselves 10 ms later."""
 NAPS = 2
@@ -94,9 +94,9 @@ class Px4Seat:
         self._rest: Rest | None = None
         self._idle_cores = cores
         self._core: CoreShare | None = None
-        self._is_in_order = self._is_asked = self._was_held = False
+        self._is_in_order = self._was_held = False
         self._wake_ports, self._has_woken = peer.wake_ports, False
-        self._woken_ns = self._sent_ns = self._waits_since_ns = 0
+        self._woken_ns = self._sent_ns = self._waits_since_ns = self._wakes_left = 0
         self._as_text = make_encoder(spec.airframe.sensors)
         self._has_begun, self._has_booted, self._is_silent, self._unsent = False, False, False, b""
         self._outgoing: Outgoing | None = None
@@ -166,14 +166,18 @@ class Px4Seat:
         """Close the connection, if there is one."""
         if self._rest is not None:
             self._rest.close()
-        if self._core is not None:
-            self._core.end_turn()
-        self._rest = self._core = self._outgoing = None
-        self._is_asked = self._was_held = False
+        self._leave_core()
+        self._rest = self._outgoing = None
+        self._was_held = False
         for connection in (self.connection, self._retired):
             if connection is not None:
                 connection.close()
         self.connection = self._retired = None
+
+    def _leave_core(self) -> None:
+        if self._core is not None:
+            self._core.leave()
+            self._core = None
 
     def retire(self) -> None:
         """Serve who is connected no more, and leave the connection open until another comes.
@@ -188,24 +192,32 @@ class Px4Seat:
         """Send the messages of a frame, as soon as PX4 is at rest."""
         self._was_held, self._tick = self._is_at_tick(), self._tick_now()
         self._outgoing = Outgoing(reply, self.aircraft.fields[2] + 1)
-        self._waits_since_ns = time.monotonic_ns()
+        self._waits_since_ns, self._wakes_left = time.monotonic_ns(), WAKES
         self.go_on()
 
-    def go_on(self) -> None:
-        """Send the frame that waits for PX4 to be at rest, if it is."""
+    def go_on(self) -> bool:
+        """Send the frame that waits for PX4 to be at rest, if it is. False: it waits for others on its core."""
         outgoing = self._outgoing
-        if outgoing is None or self.connection is None or not self._may_fly() or not self._is_settled():
-            return
+        if outgoing is None or self.connection is None:
+            return True
+        if not self._may_fly():
+            return False
+        if not self._is_settled():
+            return True
         self._outgoing, self._has_woken = None, False
+        if self._rest is not None:
+            self._rest.sent()
         self._write(self.connection, outgoing.messages)
         self._sent_ns = time.monotonic_ns()
         self._frames.sent(outgoing.number, self._sent_ns)
+        return True
 
     def _may_fly(self) -> bool:
-        """Whether it has its turn on its core; while it has not, it owes nothing."""
-        if self._core is None or not self._core.is_ready or self._core.may_fly():
+        """Whether it has its turn on its core; one that nobody waits for takes none."""
+        core = self._core
+        if core is None or not core.is_ready or not self.member.live or core.may_fly():
             return True
-        self.member.idle_ns, self._waits_since_ns = 0, time.monotonic_ns()
+        self._waits_since_ns = time.monotonic_ns()
         return False
 
     def end_turn(self) -> None:
@@ -273,19 +285,13 @@ class Px4Seat:
         """The frame that is answered: the model needs no more. At a tick, which others wait for, once PX4 rests."""
         if not self._has_woken:
             self._ask(core)
-        if self._is_at_tick() and not self._rests(core):
+        if self._is_at_tick() and not core.is_at_rest():
             return None
         return self._done()
 
     def _ask(self, core: CoreShare) -> None:
-        self._has_woken = self._is_asked = True
+        self._has_woken, self._woken_ns = True, time.monotonic_ns()
         core.ask()
-
-    def _rests(self, core: CoreShare) -> bool:
-        """Whether it is at rest since it was asked for."""
-        if self._is_asked and core.is_at_rest():
-            self._is_asked, self._woken_ns = False, time.monotonic_ns()
-        return not self._is_asked
 
     @property
     def is_lockstep(self) -> bool:
@@ -316,20 +322,24 @@ class Px4Seat:
             return True
         if core is None or not core.is_ready:
             self._settle(rest)
-            rest.sent()
             return True
-        while self._rests(core):
-            if not self._is_to_wake():
+        while core.is_at_rest():
+            if not self._wakes_left or not self._is_to_wake():
                 return True
+            self._wakes_left -= 1
             self._ask(core)
-        return time.monotonic_ns() - self._waits_since_ns >= SETTLES_NS
+        if time.monotonic_ns() - self._waits_since_ns < SETTLES_NS:
+            return False
+        self.aircraft.count(BEFORE_REST)
+        self._leave_core()  # what it will still say is of this frame
+        return True
 
     def _settle(self, rest: Rest) -> None:
-        for _ in range(WAKES):
-            if not self._is_to_wake():
-                break
+        while self._wakes_left and self._is_to_wake():
+            self._wakes_left -= 1
             self._wake()
             if not _comes_to_rest(rest, SETTLES_NS):
+                self.aircraft.count(BEFORE_REST)
                 break
 
     def _is_to_wake(self) -> bool:

@@ -24,6 +24,8 @@ ON_MANY_CORES = "starts_on_many_cores"
 """Counter of the connections of a PX4 that we cannot keep on one core."""
 OUT_OF_ORDER = "starts_without_real_time_threads"
 """Counter of the connections of a PX4 that may not have real-time threads."""
+BEFORE_REST = "frames_sent_before_rest"
+"""Counter of the frames that were sent before PX4 was at rest."""
 WHY_NOT = {
     BY_WALL_TIME: "its PX4 runs on another machine, or as another user: when it is done with a frame cannot be seen",
     THROUGH_ANOTHER: "what has connected is no PX4 but a program between (a relay, a tunnel): when PX4 is done with a "
@@ -33,6 +35,7 @@ WHY_NOT = {
     ON_MANY_CORES: "its PX4 could not be kept on one core: the order of its threads is the machine's",
     OUT_OF_ORDER: "its PX4 may not have real-time threads (root, CAP_SYS_NICE or `ulimit -r 99`): their order is the "
     "machine's",
+    BEFORE_REST: "its PX4 was sent a frame though it had not come to rest within half a second of wall time",
 }
 """Why a flight may not repeat, by counter."""
 WHILE_IT_STARTS = (

@@ -25,6 +25,9 @@ class Hears(Protocol):
     def hear_px4(self, seat: Px4Seat) -> None:
         """PX4 has sent something, or may be at rest."""
 
+    def excuse_px4(self, seat: Px4Seat) -> None:
+        """PX4 has not been sent its frame yet."""
+
     def tell_px4(self, seat: Px4Seat, kind: EventKind) -> None:
         """Something about PX4 is to be told."""
 
@@ -50,7 +53,7 @@ class Px4Seats:
         self._service, self._listen, self._forget = service, listen, forget
         self._seats: list[Px4Seat] = []
         self._may_be_eager = core_count() > 1
-        self.cores = IdleCores(listen)
+        self.cores = IdleCores(listen, forget)
 
     def add(self, seat: Px4Seat) -> None:
         """Serve it."""
@@ -60,7 +63,7 @@ class Px4Seats:
     @property
     def are_due(self) -> bool:
         """Whether an answer may come any moment, and there is a core to spare for who waits for it."""
-        return self._may_be_eager and any(seat.wants_look() for seat in self._seats)
+        return self._may_be_eager and any(seat.member.live and seat.wants_look() for seat in self._seats)
 
     def wake_at_ns(self, wall_ns: int, otherwise_ns: int) -> int:
         """Wall instant of the next look, or `otherwise_ns` if that is earlier."""
@@ -73,7 +76,8 @@ class Px4Seats:
         for seat in self._seats:
             seat.end_turn()
         for seat in self._seats:
-            seat.go_on()
+            if not seat.go_on():
+                self._service.excuse_px4(seat)
 
     def look(self) -> None:
         """See who is at rest by now."""

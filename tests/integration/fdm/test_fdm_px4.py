@@ -160,7 +160,7 @@ def test_those_who_are_stopped_in_their_turn_on_a_core_hold_nobody(monkeypatch):
 
     monkeypatch.setattr(watched, "their_cores", lambda cores: cores[-1:])
     ua = range(AT_ONCE + 2)
-    flight = Flight([spec(ua_id) for ua_id in ua], until_s=0.5, at_tick=at_tick, stall_timeout_s=0.5)
+    flight = Flight([spec(ua_id) for ua_id in ua], until_s=0.5, at_tick=at_tick, stall_timeout_s=2.0)
     with ExitStack() as stack:
         ports = flight.exchange.ports
         px4s = [stack.enter_context(played(ports[ua_id], 3, 10_000, "real-time")) for ua_id in ua]
@@ -179,13 +179,13 @@ def wait_for_probes(flight):
             core.hear()
 
 
-def flown_in_order(at_tick):
+def flown_in_order(at_tick, until_s=1.0, **settings):
     """What a flight was driven by whose PX4 has a real-time thread, and how often its MAVLink was woken."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mavlink:
         mavlink.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
         mavlink.bind(("127.0.0.1", 0))
         ua = spec(wakes=(mavlink.getsockname()[1],))
-        flight = Flight([ua], until_s=1.0, at_tick=lambda sim_s: at_tick(flight, sim_s))
+        flight = Flight([ua], until_s, at_tick=lambda sim_s: at_tick(flight, sim_s), **settings)
         with played(flight.exchange.ports[0], 3, 10_000, "real-time"):
             counters = flight.run()
         assert watched.OUT_OF_ORDER not in counters[0]
@@ -219,3 +219,15 @@ def test_frames_of_real_time_threads_are_those_that_looks_give(killed_at_s, monk
     assert driven == by_looks
     assert len(driven) == 240
     assert wakes >= 240
+
+
+@pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
+def test_a_px4_that_waits_for_its_next_frame_is_woken_anew_before_it():
+    """At a fifth of real time a frame comes every 20 ms; its MAVLink threads would wake by themselves after 10."""
+
+    def at_tick(flight, sim_s):
+        if sim_s == 0.1:
+            wait_for_probes(flight)
+
+    _, wakes = flown_in_order(at_tick, until_s=0.6, speed=0.2)
+    assert wakes >= 2 * 125

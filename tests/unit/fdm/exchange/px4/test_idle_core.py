@@ -5,13 +5,14 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
+from pathlib import Path
 
 import pytest
 
-from fdm.exchange.px4 import idle_core_probe
 from fdm.exchange.px4.idle_core import IdleCore, IdleCores
-from fdm.exchange.px4.one_core import may_run_in_order
+from fdm.exchange.px4.one_core import core_in_order, may_run_in_order
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux" or not may_run_in_order(), reason="no real-time threads for this user"
@@ -19,13 +20,16 @@ pytestmark = pytest.mark.skipif(
 
 WORKS_S = 0.2
 PROGRAM = f"""
-import os, sys, time
+import os, socket, sys, time
 os.sched_setaffinity(0, {{int(sys.argv[1])}})
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(int(sys.argv[2])))
-print("ready", flush=True)
-for line in sys.stdin:
-    until = time.thread_time() + {WORKS_S}
+told = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+told.bind(("127.0.0.1", 0))
+print(told.getsockname()[1], flush=True)
+while True:
+    word = told.recv(9)
     print("works", flush=True)
+    until = time.thread_time() + {WORKS_S}
     while time.thread_time() < until:
         pass
     print(time.monotonic_ns(), flush=True)
@@ -33,24 +37,25 @@ for line in sys.stdin:
 
 
 class Program:
-    """A real-time thread on a core of its own, but for the probe."""
+    """A real-time thread that works when it gets a datagram, and then says when it has ended that."""
 
     def __init__(self, core, priority):
         command = [sys.executable, "-c", PROGRAM, str(core), str(priority)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert self.says() == "ready"
-
-    def says(self):
-        return self.process.stdout.readline().strip()
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.pid, self.port = self.process.pid, int(self.process.stdout.readline())
 
     def work(self):
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-        assert self.says() == "works"
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b"work", ("127.0.0.1", self.port))
+        assert self.process.stdout.readline() == "works\n"
+
+    def ended_ns(self):
+        return int(self.process.stdout.readline())
 
     def close(self):
         self.process.kill()
-        self.process.communicate()
+        self.process.wait()
+        self.process.stdout.close()
 
 
 @pytest.fixture
@@ -66,11 +71,25 @@ def core(place):
     core.close()
 
 
+@pytest.fixture
+def start(place):
+    programs = []
+
+    def start(priority=50):
+        programs.append(Program(place, priority))
+        return programs[-1]
+
+    yield start
+    for program in programs:
+        program.close()
+
+
 def comes(about, within_s=20.0):
     until_s = time.monotonic() + within_s
     while not about():
         if time.monotonic() > until_s:
             return False
+        time.sleep(0.001)  # on one core the others are to run
     return True
 
 
@@ -80,62 +99,60 @@ def rests_at_ns(core, which):
 
 
 @pytest.mark.parametrize("priority", [50, 1])
-def test_it_is_at_rest_when_its_real_time_threads_have_ended_what_they_do(core, place, priority):
+def test_it_is_at_rest_when_its_real_time_threads_have_ended_what_they_do(core, start, priority):
     """Also those of the priority that the probe has."""
-    program = Program(place, priority)
-    try:
-        which = core.join(program.process.pid, ())
-        assert core.is_at_rest(which), "nobody has asked"
-        for _ in range(3):
-            program.work()
-            core.ask(which)
-            rested_ns = rests_at_ns(core, which)
-            assert rested_ns > int(program.says())
+    program = start(priority)
+    which = core.join(program.pid, ())
+    assert core.is_at_rest(which), "nobody has asked"
+    for _ in range(3):
+        program.work()
         core.ask(which)
-        begun_ns = time.monotonic_ns()
-        assert rests_at_ns(core, which) - begun_ns < WORKS_S * 1e9, "it has nothing to do"
-    finally:
-        program.close()
-
-
-def test_it_is_woken_at_rest_and_rests_again(core, place):
-    program = Program(place, 50)
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mavlink:
-            mavlink.bind(("127.0.0.1", 0))
-            mavlink.settimeout(20.0)
-            which = core.join(program.process.pid, (mavlink.getsockname()[1],))
-            program.work()
-            core.ask(which)
-            assert mavlink.recv(1) == b""
-            woken_ns = time.monotonic_ns()
-            assert woken_ns > int(program.says())
-            assert rests_at_ns(core, which) > woken_ns - 1e9
-    finally:
-        program.close()
-
-
-def test_who_asks_together_is_answered_together(core, place):
-    programs = [Program(place, 50), Program(place, 50)]
-    try:
-        first, second = (core.join(program.process.pid, ()) for program in programs)
-        programs[0].work()
-        core.ask(first)
-        core.ask(second)
-        assert not core.is_at_rest(second), "the other one works, on the same core"
-        assert comes(lambda: core.is_at_rest(second))
-        assert core.is_at_rest(first)
-    finally:
-        for program in programs:
-            program.close()
-
-
-def test_a_program_that_has_ended_holds_nobody(core, place):
-    program = Program(place, 50)
-    which = core.join(program.process.pid, ())
-    program.close()
+        assert rests_at_ns(core, which) > program.ended_ns()
     core.ask(which)
-    assert comes(lambda: core.is_at_rest(which))
+    assert rests_at_ns(core, which)
+
+
+def test_it_is_woken_at_rest_and_rests_again(core, start):
+    """The wake has it work anew."""
+    program = start()
+    which = core.join(program.pid, (program.port,))
+    program.work()
+    core.ask(which)
+    rested_ns = rests_at_ns(core, which)
+    first_ns = program.ended_ns()
+    assert program.process.stdout.readline() == "works\n"
+    assert first_ns + WORKS_S * 1e9 <= program.ended_ns() < rested_ns
+
+
+def test_who_is_asked_about_beside_one_that_works_waits_for_it(core, start):
+    first, second = start(), start()
+    places = [core.join(program.pid, ()) for program in (first, second)]
+    first.work()
+    for which in places:
+        core.ask(which)
+    assert rests_at_ns(core, places[1]) > first.ended_ns()
+    assert rests_at_ns(core, places[0])
+
+
+def test_a_stopped_program_is_at_rest_and_holds_nobody(core, start):
+    stopped, other = start(), start()
+    places = [core.join(program.pid, ()) for program in (stopped, other)]
+    os.kill(stopped.pid, signal.SIGSTOP)
+    for which in places:
+        core.ask(which)
+    assert all(rests_at_ns(core, which) for which in places)
+
+
+def test_a_program_that_has_ended_or_left_holds_nobody(core, start):
+    ended, left, other = start(), start(), start()
+    places = [core.join(program.pid, ()) for program in (ended, left, other)]
+    ended.close()
+    core.ask(places[1])
+    core.leave(places[1])
+    core.ask(places[0])
+    core.ask(places[2])
+    assert rests_at_ns(core, places[0])
+    assert rests_at_ns(core, places[2])
 
 
 def test_a_probe_that_is_killed_is_asked_no_more(core):
@@ -143,7 +160,9 @@ def test_a_probe_that_is_killed_is_asked_no_more(core):
     os.kill(core._process.pid, signal.SIGKILL)
     core._process.wait()
     core.ask(which)
-    assert comes(lambda: (core.is_at_rest(which), not core.is_ready)[1])
+    core.hear()
+    assert core.is_over
+    assert not core.is_ready
     assert not core.is_at_rest(which)
 
 
@@ -154,22 +173,37 @@ def test_the_probe_ends_with_who_asks(core):
     assert process.returncode == 0
 
 
-def test_a_thread_that_waits_for_the_disk_is_waited_for():
-    class Writer:
-        def sleeps(self):
-            return next(asleep)
+def test_a_share_is_of_a_process_whose_threads_are_real_time_ones_on_one_core(start, place):
+    """But for those that have its own name."""
 
-    asleep = iter([False, False, True])
-    with subprocess.Popen(["sleep", "100"]) as sleeper:
-        px4 = idle_core_probe.FlownPx4(sleeper.pid, ())
-        px4._writers = [Writer()]
-        idle_core_probe.settle([px4], None)
-        sleeper.kill()
-    assert next(asleep, None) is None, "it was looked at until it slept"
+    def wait():
+        Path("/proc/thread-self/comm").write_text("module", encoding="ascii")
+        named.set()
+        waits.wait()
+
+    assert core_in_order(start().pid) == place
+    named, waits = threading.Event(), threading.Event()
+    thread = threading.Thread(target=wait)
+    thread.start()
+    named.wait()
+    assert core_in_order(os.getpid()) is None
+    waits.set()
+    thread.join()
 
 
-def test_a_process_on_many_cores_has_no_share():
-    cores = IdleCores(lambda fd, callback: None)
-    if len(os.sched_getaffinity(0)) > 1:
-        assert cores.share(os.getpid(), ()) is None
-    cores.close()
+def test_a_probe_that_ends_is_forgotten_by_the_loop(start):
+    heard, forgotten = {}, []
+    cores = IdleCores(heard.__setitem__, forgotten.append)
+    program = start()
+    try:
+        assert cores.share(program.pid, ()) is not None
+        ((fd, callback),) = heard.items()
+        (core,) = cores._cores.values()
+        assert comes(lambda: (callback(), core.is_ready)[1])
+        core._process.kill()
+        core._process.wait()
+        callback()
+        assert forgotten == [fd]
+        assert cores.share(program.pid, ()) is None, "looks are left"
+    finally:
+        cores.close()

@@ -8,6 +8,7 @@ import pytest
 
 from fdm.clock.member import Member
 from fdm.exchange.ports import bind
+from fdm.exchange.px4 import seat as seat_module
 from fdm.exchange.px4.callers import Newcomer
 from fdm.exchange.px4.idle_core import IdleCores
 from fdm.exchange.px4.peer import Peer
@@ -29,7 +30,7 @@ def ends():
 
 def make_seat(ua_id=0):
     ua = spec(ua_id)
-    cores = IdleCores(lambda fd, callback: None)
+    cores = IdleCores(lambda fd, callback: None, lambda fd: None)
     return Px4Seat(ua, bind(ua, "127.0.0.1"), Member(ua_id), lambda *_: SteppingModel([]), 50_000_000, cores)
 
 
@@ -108,3 +109,56 @@ def test_another_connection_keeps_what_the_one_before_counted(seat, ends):
     with other, its_end:
         seat.welcome(Newcomer(other, Peer()))
         assert seat.counters()["noise_bytes"] == 5
+
+
+class NeverAtRest:
+    """A share of a core whose probe says nothing."""
+
+    is_ready, has_left = True, False
+
+    def may_fly(self):
+        return True
+
+    def end_turn(self):
+        pass
+
+    def ask(self):
+        pass
+
+    def is_at_rest(self):
+        return False
+
+    def leave(self):
+        self.has_left = True
+
+
+class LooksAsleep:
+    """What would be looked at instead."""
+
+    def sent(self):
+        pass
+
+    def is_at_rest(self, naps=0):
+        return True
+
+    def close(self):
+        pass
+
+
+def test_a_frame_that_waits_too_long_for_rest_is_sent_and_counted_and_looks_are_taken_from_then_on(
+    seat, ends, monkeypatch
+):
+    near, far = ends
+    seat.aircraft.fields = seat.welcome(Newcomer(near, Peer()))
+    seat._rest, seat._core = LooksAsleep(), NeverAtRest()
+    core = seat._core
+    seat.send(b"first")
+    assert seat.wants_look(), "it waits"
+    monkeypatch.setattr(seat_module, "SETTLES_NS", 0)
+    seat.go_on()
+    assert read(far, 5) == b"first"
+    assert seat.counters()["frames_sent_before_rest"] == 1
+    assert core.has_left
+    seat.send(b"second")
+    assert read(far, 6) == b"second"
+    assert seat.counters()["frames_sent_before_rest"] == 1
