@@ -152,7 +152,7 @@ class IdleCore:
         try:
             os.write(self._write, f"{' '.join(map(str, words))}\n".encode())
         except OSError as error:
-            self.is_ready = False
+            self.is_ready, self.is_over = False, True
             _log.debug("the probe has ended: %s", error)
 
 
@@ -175,6 +175,11 @@ class CoreShare:
     def is_ready(self) -> bool:
         """Whether it can be asked."""
         return self._core.is_ready
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it never can be again."""
+        return self._core.is_over
 
     def may_fly(self) -> bool:
         """Whether it has its turn, which it takes if there is one."""

@@ -321,6 +321,8 @@ class Px4Seat:
         if rest is None:
             return True
         if core is None or not core.is_ready:
+            if core is not None:
+                self._look_instead(core, rest)
             self._settle(rest)
             return True
         while core.is_at_rest():
@@ -333,6 +335,13 @@ class Px4Seat:
         self.aircraft.count(BEFORE_REST)
         self._leave_core()  # what it will still say is of this frame
         return True
+
+    def _look_instead(self, core: CoreShare, rest: Rest) -> None:
+        """Its core cannot be asked yet, or no more: the frame before may have been taken before PX4 was at rest."""
+        if not _comes_to_rest(rest, SETTLES_NS):
+            self.aircraft.count(BEFORE_REST)
+        if core.is_over:
+            self._leave_core()
 
     def _settle(self, rest: Rest) -> None:
         while self._wakes_left and self._is_to_wake():

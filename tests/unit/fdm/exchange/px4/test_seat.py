@@ -114,7 +114,7 @@ def test_another_connection_keeps_what_the_one_before_counted(seat, ends):
 class NeverAtRest:
     """A share of a core whose probe says nothing."""
 
-    is_ready, has_left = True, False
+    is_ready, is_over, has_left = True, False, False
 
     def may_fly(self):
         return True
@@ -135,11 +135,13 @@ class NeverAtRest:
 class LooksAsleep:
     """What would be looked at instead."""
 
+    sleeps = True
+
     def sent(self):
         pass
 
     def is_at_rest(self, naps=0):
-        return True
+        return self.sleeps
 
     def close(self):
         pass
@@ -162,3 +164,19 @@ def test_a_frame_that_waits_too_long_for_rest_is_sent_and_counted_and_looks_are_
     seat.send(b"second")
     assert read(far, 6) == b"second"
     assert seat.counters()["frames_sent_before_rest"] == 1
+
+
+@pytest.mark.parametrize("sleeps", [True, False])
+def test_a_frame_taken_before_its_probe_has_ended_is_sent_when_px4_looks_asleep(
+    seat, ends, monkeypatch, sleeps
+):
+    near, far = ends
+    seat.aircraft.fields = seat.welcome(Newcomer(near, Peer()))
+    seat._rest, seat._core = LooksAsleep(), NeverAtRest()
+    core = seat._core
+    core.is_ready, core.is_over, seat._rest.sleeps = False, True, sleeps
+    monkeypatch.setattr(seat_module, "SETTLES_NS", 0)
+    seat.send(b"first")
+    assert read(far, 5) == b"first"
+    assert seat.counters().get("frames_sent_before_rest", 0) == (not sleeps)
+    assert core.has_left
