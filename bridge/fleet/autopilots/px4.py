@@ -80,7 +80,9 @@ class Px4(Launcher):
         """PX4 in a working directory of its own below the run's, in which its start script finds ours first."""
         binary, directory = self.binary(), plan.run.path / plan.name
         directory.mkdir()
-        (directory / "px4-rc.params").write_text(_own_parameters(plan), encoding="ascii")
+        values = _own_parameters(plan)
+        script = "".join(f"param set {name} {value}\n" for name, value in values.items())
+        (directory / "px4-rc.params").write_text(script, encoding="ascii")
         (directory / "px4-rc.mavlink").write_text(_own_mavlink(plan), encoding="ascii")
         command = [str(binary), "-i", str(plan.scenario.instance(plan.ua))]
         command += ["-d", str(etc_of(binary)), "-w", str(directory), "-s", "etc/init.d-posix/rcS"]
@@ -93,6 +95,7 @@ class Px4(Launcher):
             stop_signal=signal.SIGKILL,  # held in lockstep, it never comes to obey another
             environment={
                 "PX4_SYS_AUTOSTART": str(px4.autostart if px4 else 0),
+                **{f"PX4_PARAM_{name}": value for name, value in values.items()},
                 "PATH": os.pathsep.join((str(directory), self.environment.get("PATH", os.defpath))),
             },
         )
@@ -103,12 +106,15 @@ def _origin_of(binary: Path) -> AutopilotOrigin:
     return px4_origin(binary)
 
 
-def _own_parameters(plan: LaunchPlan) -> str:
-    """What airframe and scenario set, in PX4's shell; the UA's own values win."""
+def _own_parameters(plan: LaunchPlan) -> dict[str, str]:
+    """What airframe and scenario set, as PX4's shell reads it; the UA's own values win.
+
+    PX4 before 25 March 2025 takes them from `px4-rc.params`, PX4 since 4 April 2025 from PX4_PARAM_*.
+    """
     values: dict[str, float] = {"MAV_SYS_ID": plan.ua.sysid, **PARAMETERS}
     values |= plan.airframe.px4.parameters if plan.airframe.px4 else {}
     values |= plan.scenario.parameters | plan.ua.parameters
-    return "".join(f"param set {name} {_number(value)}\n" for name, value in values.items())
+    return {name: _number(value) for name, value in values.items()}
 
 
 def _number(value: float) -> str:

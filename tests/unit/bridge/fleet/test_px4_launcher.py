@@ -37,10 +37,16 @@ def launched(home: Path, runs: Path, scenario: Scenario, node: str = "0") -> Pro
 
 
 def parameters_of(spec: ProcessSpec) -> dict[str, str]:
-    """What is set, the last one winning."""
+    """What is set, the last one winning; in the script of older versions and in the environment for newer ones."""
     assert spec.cwd is not None
     lines = (spec.cwd / "px4-rc.params").read_text(encoding="ascii").splitlines()
-    return {name: text for _, _, name, text in map(str.split, lines)}
+    values = {name: text for _, _, name, text in map(str.split, lines)}
+    prefix = "PX4_PARAM_"
+    given = {
+        name.removeprefix(prefix): text for name, text in spec.environment.items() if name.startswith(prefix)
+    }
+    assert given == values
+    return values
 
 
 def strtol(text: str) -> int:
