@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
-from pathlib import Path
 
 from fdm.errors import WorkerError
+from fdm.module_process import start_module
 from fdm.workers.worker_messages import Ended, Failed, Message, WorkerPlan
-
-OURS = str(Path(__file__).resolve().parents[2])
-"""Where this package is: before what the program has on its path, as files there may have our names."""
 
 
 class WorkerProcess:
@@ -38,13 +33,8 @@ class WorkerProcess:
         packed = ForkingPickler.dumps(plan)  # first: what cannot be sent leaves no process behind
         ours, theirs = socket.socketpair()
         with theirs:
-            # A process of its own and no fork of this one, which may have threads.
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "fdm.workers.worker", str(theirs.fileno())],
-                pass_fds=(theirs.fileno(), *plan.socket_fds, plan.board_fd, plan.wake_fd, *plan.wake_fds),
-                stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
-            )
+            fds = (theirs.fileno(), *plan.socket_fds, plan.board_fd, plan.wake_fd, *plan.wake_fds)
+            self._process = start_module("fdm.workers.worker", [theirs.fileno()], fds)
         self.control = Connection(ours.detach())
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # shows in `receive`
             self.control.send_bytes(packed)

@@ -11,15 +11,13 @@ import contextlib
 import logging
 import os
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 from fdm.exchange.px4.one_core import core_in_order
+from fdm.module_process import start_module
 
-OURS = str(Path(__file__).resolve().parents[3])
-"""Where this package is: before what the program has on its path, as files there may have our names."""
+PROBE = "fdm.exchange.px4.idle_core_probe"
 READY, PLACES = 255, 255
 """What the probe says when it is ready; else it says the place of a PX4, of which there are so many."""
 JOIN, LEAVE, ASK = "join", "leave", "ask"
@@ -59,20 +57,10 @@ class IdleCore:
             theirs.callback(os.close, their_write)
             ours.callback(os.close, self._read)
             os.set_blocking(self._read, False)
-            words = [
-                "-P",
-                "-m",
-                "fdm.exchange.px4.idle_core_probe",
-                *map(str, (their_read, their_write, core)),
-            ]
-            # A process of its own and no fork of this one, which may have threads.
-            self._process = subprocess.Popen(
-                [sys.executable, *words],
-                pass_fds=(their_read, their_write),
-                stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
-                start_new_session=True,  # Ctrl-C is for who has started it
-            )
+            fds = (their_read, their_write)
+            self._process = start_module(
+                PROBE, (*fds, core), fds, own_session=True
+            )  # Ctrl-C is for who has started it
             self._ends = ours.pop_all()
 
     def fileno(self) -> int:

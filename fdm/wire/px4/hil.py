@@ -186,13 +186,13 @@ def pulse_widths(controls: Sequence[float], motors: frozenset[int]) -> tuple[int
     """Controls as pulse widths, which airframes are driven by, us: 1000 to 2000, 1500 is the middle of a servo.
 
     Args:
-        controls: of outputs 1, 2, ... 16.
+        controls: of outputs 1, 2, ..., 16 at most.
         motors: outputs that are motors, of which 0 is 1000 us.
     """
     return tuple(
         [
             middle + round(span * (low if control < low else 1.0 if control > 1.0 else control))
-            for control, (low, middle, span) in zip(controls, _ranges(motors), strict=True)
+            for control, (low, middle, span) in zip(controls, _ranges(motors), strict=False)
         ]
     )
 

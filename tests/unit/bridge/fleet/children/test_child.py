@@ -20,8 +20,8 @@ from bridge.fleet.children.child import LEASH, Child, ProcessSpec, end_with_news
 ROOT = Path(__file__).parents[5]
 
 
-STARTERS = ["bridge/fleet/children/child.py", "fdm/workers/worker_process.py", "lostlink/attach/program.py"]
-"""fdm knows nothing of bridge, and its workers want neither log nor leash: each ends with its connection. What a user
+STARTERS = ["bridge/fleet/children/child.py", "fdm/module_process.py", "lostlink/attach/program.py"]
+"""fdm knows nothing of bridge, and its processes want neither log nor leash: each ends with its connection. What a user
 attaches has the user's environment and terminal, and its leash from the program that makes its namespace."""
 
 
