@@ -94,7 +94,7 @@ class Px4Seat:
         self._rest: Rest | None = None
         self._idle_cores = cores
         self._core: CoreShare | None = None
-        self._is_in_order = self._was_held = False
+        self._was_held = False
         self._wake_ports, self._has_woken = peer.wake_ports, False
         self._woken_ns = self._sent_ns = self._waits_since_ns = self._wakes_left = 0
         self._as_text = make_encoder(spec.airframe.sensors)
@@ -156,7 +156,6 @@ class Px4Seat:
         self._rest, why_not = watch(self._peer, self.aircraft.ua_id, self._cores)
         self._past += self._frames.totals()
         self._frames = FramesOfPx4(self._rate_hz, self._motors, sees_rest=self._rest is not None)
-        self._is_in_order = not why_not
         if why_not:
             self.aircraft.count(why_not)
         _log.info("UA %d: PX4 has connected (process %s)", self.aircraft.ua_id, self._peer.pid)
@@ -278,7 +277,7 @@ class Px4Seat:
         self._has_begun = True
         if not self._has_booted and self._boot_is_over(rest):
             self._has_booted = True
-            self._core = self._idle_cores.share(rest.pid, self._wake_ports) if self._is_in_order else None
+            self._core = self._idle_cores.share(rest.pid, self._wake_ports)
         return self._done()
 
     def _take_answered(self, core: CoreShare) -> Fields | None:
