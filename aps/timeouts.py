@@ -40,6 +40,10 @@ IN_PROGRESS_TIMEOUT_S: Final = 60.0
 """After the autopilot has said that a command is in progress, until it says so again or is done."""
 REASON_GRACE_S: Final = 0.3
 """After a refusal without a STATUSTEXT: for one to come (ArduPilot queues them apart)."""
+SHOWN_LAG_S: Final = 0.2
+"""From an acknowledgement until a heartbeat shows what was done: one that comes earlier may be older ..."""
+SHOWN_TIMEOUT_S: Final = 2.0
+"""... and if none comes for so long, the acknowledgement counts."""
 STREAM_ACK_TIMEOUT_S: Final = 1.0
 """For the answer to a stream request, times the number of the try: 1, 2, 3, 4, 5 s."""
 STREAM_TRIES: Final = 5

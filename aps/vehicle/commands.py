@@ -22,6 +22,8 @@ from aps.timeouts import (
     FEEDBACK_PERIOD_MS,
     IN_PROGRESS_TIMEOUT_S,
     REASON_GRACE_S,
+    SHOWN_LAG_S,
+    SHOWN_TIMEOUT_S,
     SILENCE_TIMEOUT_S,
 )
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
@@ -38,6 +40,7 @@ FLIGHT: Final = "flight"
 ARMING: Final = "arming"
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 
+_HEARTBEAT: Final = 0
 _PARAM_VALUE: Final = 22
 _ACCEPTED: Final = int(mavlink.MAV_RESULT_ACCEPTED)
 _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
@@ -66,6 +69,9 @@ class Step:
     """What the autopilot says to it are reasons for a refusal of the next step, too."""
     patience_s: float = 0.0
     """For so long it is sent again when it is rejected for now (MAV_RESULT_TEMPORARILY_REJECTED)."""
+    shown: Callable[[VehicleState], bool] | None = None
+    """Of what is acknowledged before it is done: whether the state shows that it was done. If heartbeats do not, it was
+    rejected for now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +133,8 @@ class _Waiting:
     refused_ns: int | None = None
     rejected_ns: int | None = None
     """When it was first rejected for now."""
+    acknowledged_ns: int | None = None
+    """When it was accepted, of a step that has yet to be shown."""
     texts: list[str] = field(default_factory=list)
 
 
@@ -255,6 +263,8 @@ class CommandExecution(Execution):
         done = None if not self.plan.steps else self.plan.steps[self._step].done
         if done is not None and self._waiting.tries and done(state):
             self._waiting.answer = _ACCEPTED
+        if self._is_yet_to_be_shown(state, now_ns):
+            return []
         while self._waiting.answer == _ACCEPTED or not self.plan.steps:
             if not self._next_step(state, now_ns):
                 return self._poll_goal(state, now_ns)
@@ -293,6 +303,25 @@ class CommandExecution(Execution):
         waiting.deadline_ns = now_ns + round(ACK_TIMEOUTS_S[waiting.tries] * NS_PER_S)
         waiting.tries += 1
         return [message]
+
+    def _is_yet_to_be_shown(self, state: VehicleState, now_ns: int) -> bool:
+        """Whether what was acknowledged may still be seen to be done; where it is not, the answer becomes a rejection.
+
+        Where no heartbeat comes, the acknowledgement counts.
+        """
+        waiting = self._waiting
+        if waiting.answer != _ACCEPTED or not self.plan.steps:
+            return False
+        shown = self.plan.steps[self._step].shown
+        if shown is None or shown(state):
+            return False
+        if waiting.acknowledged_ns is None:
+            waiting.acknowledged_ns = now_ns
+            waiting.deadline_ns = now_ns + round(SHOWN_TIMEOUT_S * NS_PER_S)
+        if state.heard_ns.get(_HEARTBEAT, 0) >= waiting.acknowledged_ns + round(SHOWN_LAG_S * NS_PER_S):
+            waiting.answer, waiting.acknowledged_ns = _NOT_NOW, None
+            return False
+        return now_ns < waiting.deadline_ns
 
     def _tries_again(self, now_ns: int) -> bool:
         """Whether the step was rejected for now, and is to be sent again a little later."""

@@ -112,6 +112,8 @@ class Vehicle:
         """Called likewise."""
         self.on_heard: Callable[[], None] | None = None
         """Called with the first heartbeat of each connection, if set."""
+        self.on_foreign: Callable[[int], None] | None = None
+        """Called, if set, with the system id of an autopilot that is heard in place of ours, which never was."""
         self.heard = False
         """Whether the autopilot's heartbeat has been heard on this connection."""
         self.events = EventTexts()
@@ -252,6 +254,8 @@ class Vehicle:
                 frame.sysid,
                 self.sysid,
             )
+            if not self.heard:  # an autopilot that was also hands on what it hears of others
+                self.callbacks.call("the callback for a foreign system", self.on_foreign, frame.sysid)
 
     def _autopilot_heartbeat(self, now_ns: int) -> None:
         self.acks.heartbeat()

@@ -82,6 +82,7 @@ class HostedAircraft(HostedNode):
             self.daemon.has_machine = False  # it has no threads, refuses files and has no logs
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
+        self.daemon.vehicle.on_foreign = record.other_system
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
         self._waits = False

@@ -8,7 +8,7 @@ from typing import Any
 
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
-from bridge.record.events import AGENT_WARNING, Report
+from bridge.record.events import AGENT_WARNING, OTHER_SYSTEM, Report
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import Kind
@@ -93,6 +93,11 @@ class NodeRecord:
     def warn(self, text: str) -> None:
         """The node's agent does what its author cannot want; from any thread."""
         self._report.event(self.now_ns, self._node, AGENT_WARNING, text)
+
+    def other_system(self, sysid: int) -> None:
+        """The node's autopilot calls itself another system than it was told to be."""
+        text = f"its autopilot calls itself system {sysid}: nothing that it says is taken"
+        self._report.event(self.now_ns, self._node, OTHER_SYSTEM, text)
 
     def flush(self) -> None:
         """Hand everything to the operating system."""

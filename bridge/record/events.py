@@ -28,6 +28,8 @@ KILLED = "killed"
 
 AGENT_WARNING = "agent_warning"
 """Kind of the event that an agent does what its author cannot want."""
+OTHER_SYSTEM = "other_system"
+"""Kind of the event that a UA's autopilot has another system id than the UA."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 from bridge.radio.ledger_file import LEDGER
 from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
-from bridge.record.events import AGENT_WARNING, Reports, read_reports
+from bridge.record.events import AGENT_WARNING, OTHER_SYSTEM, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
@@ -87,7 +87,7 @@ def summarise(
         "bins": ledger["bins"],
         "refused": ledger["refused"],
         "air": [account.plain for account in air],
-        "warnings": [account.warning for account in air if account.warning] + _of_agents(scenario, reports),
+        "warnings": [account.warning for account in air if account.warning] + _warnings(scenario, reports),
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
@@ -103,11 +103,13 @@ def summarise(
     }
 
 
-def _of_agents(scenario: Scenario, reports: Reports) -> list[str]:
+def _warnings(scenario: Scenario, reports: Reports) -> list[str]:
+    """What its nodes reported that somebody must see."""
+    whose = {AGENT_WARNING: "the agent of ", OTHER_SYSTEM: ""}
     return [
-        f"the agent of {scenario.title(event.node)}: {event.text}"
+        f"{whose[event.kind]}{scenario.title(event.node)}: {event.text}"
         for event in reports.events
-        if event.kind == AGENT_WARNING
+        if event.kind in whose
     ]
 
 

@@ -205,10 +205,15 @@ class Px4Stack:
     def mission(self, state: VehicleState) -> Manoeuvre:
         """AUTO.MISSION: it begins by itself, where MISSION_START would arm, too.
 
-        PX4 acknowledges a mission first, and then sees whether it can be flown: until it has, it rejects the mode.
+        PX4 acknowledges a mission first, and then sees whether it can be flown: until it has, it rejects the mode. Its
+        receiver has by then acknowledged that, too, in versions of July 2025 and later: the heartbeat's mode decides.
         """
         last = ("AUTO.RTL", "AUTO.LAND", "AUTO.PRECLAND", HOLD)
-        begins = replace(self.mode_step(state, "AUTO.MISSION"), patience_s=MISSION_PATIENCE_S)
+        begins = replace(
+            self.mode_step(state, "AUTO.MISSION"),
+            patience_s=MISSION_PATIENCE_S,
+            shown=lambda now: now.mode == "AUTO.MISSION",
+        )
         return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:

@@ -17,8 +17,8 @@ __all__ = ["fly", "set_current"]
 
 MISSION_TIMEOUT_S: Final = 24 * 3600.0
 STALE_S: Final = 5.0
-"""A mission that still says COMPLETE so long after its start, by the autopilot's clock, is complete (it was short), not
-the one before."""
+"""A mission that was begun and still says COMPLETE so long after its start, by the autopilot's clock, is complete (it
+was short), not the one before."""
 LAST_ITEM_GRACE_MS: Final = 1500
 """Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
 _ITEM_REACHED: Final = 46
@@ -42,17 +42,20 @@ class _End:
     is_stale: bool
     """Whether it still says that it has reached the last item, of the flight before: PX4 says so ten times, at 1 Hz,
     until it begins anew."""
+    begun: bool = False
+    """Whether it was in a mode of the mission."""
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
 
     def is_there(self, now: VehicleState) -> bool:
         reached_ns = now.heard_ns.get(_ITEM_REACHED, -1)
+        self.begun |= now.mode in self.modes or reached_ns > self.reached_ns
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
             self.started_reached_ns = reached_ns
         if now.mission_state == "COMPLETE":
-            return self.started or now.time_boot_ms - self.start_ms > STALE_S * 1000.0
+            return self.started or (self.begun and now.time_boot_ms - self.start_ms > STALE_S * 1000.0)
         if not self.started or now.mission_total < self.lowest:
             return False
         self.is_stale &= now.mission_current >= now.mission_total and reached_ns == self.started_reached_ns

@@ -18,7 +18,7 @@ HOME = ("40.1331,-105.2404,1690,0", "40.136783119,-105.2404,1690,0")
 EXTERNAL = STILL.replace("radio:", "autopilot: external\nradio:").replace(
     "{{type: still}}", "{{type: hold, altitude_m: 10}}"
 )
-StartAutopilots = Callable[[int], list["subprocess.Popen[bytes]"]]
+StartAutopilots = Callable[..., list["subprocess.Popen[bytes]"]]
 
 
 @pytest.fixture
@@ -26,9 +26,9 @@ def start_autopilots() -> Iterator[StartAutopilots]:
     """Start two stand-ins by hand, as somebody outside would."""
     started: list[subprocess.Popen[bytes]] = []
 
-    def start(slot: int) -> list[subprocess.Popen[bytes]]:
+    def start(slot: int, first_sysid: int = 1) -> list[subprocess.Popen[bytes]]:
         for index, home in enumerate(HOME):
-            command = [sys.executable, "-m", "standin", "--sysid", str(index + 1), "--home", home]
+            command = [sys.executable, "-m", "standin", "--sysid", str(index + first_sysid), "--home", home]
             command += ["--fdm-port", str(9002 + 10 * (slot + index))]
             command += ["--mavlink-port", str(5760 + 10 * (slot + index))]
             command += ["--parameter", "FRAME_CLASS=1", "--parameter", "FRAME_TYPE=1"]
@@ -66,6 +66,20 @@ def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots
     run.wait_for("waits for the autopilots")
     start_autopilots(run.slot)
     assert_flew(run)
+
+
+@pytest.mark.slow
+def test_autopilots_with_other_system_ids_are_told(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
+    """Of them nothing would fly, and nothing else says why."""
+    run = start_run(scenario=EXTERNAL.replace("type: hold, altitude_m: 10", "type: still"), duration_s=4.0)
+    run.wait_for("waits for the autopilots")
+    start_autopilots(run.slot, first_sysid=101)
+    assert run.finish() == 0, run.output.decode()
+    told = [(event["node"], event["text"]) for event in run.summary["events"] if event["kind"] == "other_system"]
+    text = "its autopilot calls itself system {}: nothing that it says is taken"
+    assert told == [("0", text.format(101)), ("1", text.format(102))]
+    assert "UA 0: " + text.format(101) in run.summary["warnings"]
+    assert text.format(102) in run.output.decode()
 
 
 @pytest.mark.slow

@@ -249,6 +249,53 @@ def test_a_mission_that_px4_goes_on_rejecting_is_refused_within_little_more_than
     assert flight.result.reason == "TEMPORARILY_REJECTED: no, says it at try 5"
 
 
+def test_a_mission_acknowledged_before_it_is_rejected_is_asked_for_again():
+    """PX4 of July 2025 and later: its receiver acknowledges, its commander rejects a moment after; heartbeats say so."""
+    start = replace(HOVERS, mission_current=0, mission_total=2, heard_ns={0: S // 20})
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(0.1, heard_ns={0: S // 5})
+    assert (len(flight.sent), flight.execution.events) == (1, []), "that heartbeat may be of before"
+    assert flight.now_ns < flight.execution.deadline_ns()
+    flight.run(1.0)
+    assert len(flight.sent) == 1, "no heartbeat said that it is in another mode"
+    flight.run(0.3, heard_ns={0: 6 * S // 5})
+    assert len(flight.sent) == 2
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(0.1, mode="AUTO.MISSION")
+    assert [event.phase for event in flight.execution.events] == ["accepted"]
+
+
+def test_a_mission_acknowledged_that_px4_never_begins_is_refused():
+    """Though PX4's mission says that it is complete, as it does after a takeoff."""
+    start = replace(HOVERS, mission_current=0, mission_total=2, mission_state="COMPLETE")
+    flight = Flight(fly.fly(start), start)
+    asked = 0
+    while flight.execution.result is None:
+        assert flight.now_ns < 4 * S
+        if len(flight.sent) > asked:
+            asked += 1
+            flight.execution.on_ack(176, ACCEPTED)
+            flight.execution.on_text(StatusText(4, "Mission rejected"))
+        flight.run(0.05, heard_ns={0: flight.now_ns // S * S})
+    assert str(flight.execution.result) == "mission refused: TEMPORARILY_REJECTED: Mission rejected"
+    assert asked == 2  # at 0 and 1.25 s: heartbeats come each second
+
+
+def test_a_mission_whose_mode_no_heartbeat_could_show_counts_as_acknowledged():
+    start = replace(HOVERS, mission_current=0, mission_total=2)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(1.9)
+    assert flight.execution.events == []
+    flight.run(0.3)
+    assert [event.phase for event in flight.execution.events] == ["accepted"]
+    flight.run(10.0, mission_state="COMPLETE")
+    assert flight.execution.result is None, "it was never in the mode of a mission"
+
+
 def refused(commands, clock, after_s):
     """Why PX4 refuses a mission that is begun so long after the last word."""
     clock["now_ns"] += round(after_s * S)
