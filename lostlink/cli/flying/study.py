@@ -12,8 +12,10 @@ from time import monotonic
 from typing import Any
 
 import click
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.slots import NoSlot
@@ -21,13 +23,16 @@ from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
+from lostlink.cli.shown_table import print_table
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
+from lostlink.study.settings import by_setting
 from lostlink.study.study import Standing, Study
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
+COLUMNS_MAX = 8
 
 
 @click.command(short_help="Fly many runs: seeds, settings, scenarios; one table at the end.")
@@ -62,9 +67,10 @@ def study(
 ) -> None:
     """Fly the runs of the study in FILE, and write OUT/<name>/metrics.parquet: a row per run.
 
-    A study that was ended goes on when it is started again: runs that are done are not flown again. Runs whose scenario
-    or agent (with what its file imports from its folder) changed are other runs. Ends with status 0 if all runs came to
-    their end and were measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
+    At the end it shows means over the seeds for each setting, with their standard errors. A study that was ended goes
+    on when it is started again: runs that are done are not flown again. Runs whose scenario or agent (with what its
+    file imports from its folder) changed are other runs. Ends with status 0 if all runs came to their end and were
+    measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
     Examples:
@@ -90,7 +96,10 @@ def study(
         if left:
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
-        console.print(f"{ours.write()}", highlight=False, soft_wrap=True)
+        table = ours.write()
+        if not as_json:
+            _print_settings(ours)
+        console.print(f"{table}", highlight=False, soft_wrap=True)
         _tell_not_passed(ours, console)
         for mistake in ours.draw():
             tell(mistake)
@@ -106,6 +115,23 @@ def study(
         for row in ours.rows():
             click.echo(json.dumps(plain(row)))
     sys.exit(EXIT_FAILED if failed else 0)
+
+
+def _print_settings(ours: Study) -> None:
+    """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
+    settings = by_setting(ours.rows(), list(ours.cases[0].labels))
+    names = list(settings[0].means)
+    table = Table(box=box.SIMPLE_HEAD, caption_justify="left")
+    if len(names) > COLUMNS_MAX:
+        table.caption = f"{len(names) - COLUMNS_MAX} more columns of numbers are in the table"
+    for label in settings[0].labels:
+        table.add_column(label, overflow="fold")
+    for name in ("runs", "passed", *names[:COLUMNS_MAX]):
+        table.add_column(name, justify="right", overflow="fold")
+    for one in settings:
+        means = [str(one.means[name]) for name in names[:COLUMNS_MAX]]
+        table.add_row(*map(str, one.labels.values()), str(one.runs), str(one.passed), *means)
+    print_table(table)
 
 
 def _tell_not_passed(ours: Study, console: Console) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lostlink.cli.exits import fail
+from lostlink.cli.shown_table import print_table
 from lostlink.compare.told import CompareProgress, as_plain, as_text
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 EXIT_DIFFERENT = 1
 RUN_PATH = click.Path(path_type=Path)
-WIDE = 1000
-"""Columns, where no terminal says how many there are: nothing is folded."""
 
 
 @click.command(short_help="Find the first difference between two runs, or put runs side by side.")
@@ -98,7 +97,7 @@ def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(content, allow_nan=False))
         return
-    _print(_rich_table(content))
+    print_table(_rich_table(content))
     click.echo(sameness(content))
     if html is not None:
         click.echo(html)
@@ -116,12 +115,3 @@ def _rich_table(content: dict[str, Any]) -> Table:
     for name, cells, differs in table_of(content):
         table.add_row(name, *cells, style="bold" if differs else "dim")
     return table
-
-
-def _print(table: Table) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=WIDE)
-    console.print(table)

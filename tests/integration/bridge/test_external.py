@@ -69,13 +69,17 @@ def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots
 
 
 @pytest.mark.slow
-def test_autopilots_with_other_system_ids_are_told(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
+def test_autopilots_with_other_system_ids_are_told(
+    start_run: StartRun, start_autopilots: StartAutopilots
+) -> None:
     """Of them nothing would fly, and nothing else says why."""
     run = start_run(scenario=EXTERNAL.replace("type: hold, altitude_m: 10", "type: still"), duration_s=4.0)
     run.wait_for("waits for the autopilots")
     start_autopilots(run.slot, first_sysid=101)
     assert run.finish() == 0, run.output.decode()
-    told = [(event["node"], event["text"]) for event in run.summary["events"] if event["kind"] == "other_system"]
+    told = [
+        (event["node"], event["text"]) for event in run.summary["events"] if event["kind"] == "other_system"
+    ]
     text = "its autopilot calls itself system {}: nothing that it says is taken"
     assert told == [("0", text.format(101)), ("1", text.format(102))]
     assert "UA 0: " + text.format(101) in run.summary["warnings"]

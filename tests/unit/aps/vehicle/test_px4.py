@@ -250,7 +250,7 @@ def test_a_mission_that_px4_goes_on_rejecting_is_refused_within_little_more_than
 
 
 def test_a_mission_acknowledged_before_it_is_rejected_is_asked_for_again():
-    """PX4 of July 2025 and later: its receiver acknowledges, its commander rejects a moment after; heartbeats say so."""
+    """PX4 of July 2025 and later: its receiver acknowledges, then its commander rejects; heartbeats say so."""
     start = replace(HOVERS, mission_current=0, mission_total=2, heard_ns={0: S // 20})
     flight = Flight(fly.fly(start), start)
     flight.run(0.1)

@@ -47,7 +47,8 @@ def file(tmp_path: Path) -> Path:
     measures = CasePlan("", (), "all").measures
     for case in ours.cases:
         ours.path(case).mkdir(parents=True)
-        metrics = {"passed": True, "delivery": float("nan"), "series": [1.0, float("inf")]}
+        delivery = float("nan") if case.labels["seed"] == 1 else 0.5
+        metrics = {"passed": True, "delivery": delivery, "series": [1.0, float("inf")]}
         content = {"failure": "", "measures": measures, "metrics": metrics, "timing": {}}
         write_whole(ours.path(case) / RESULT_FILE, content)
     return file
@@ -65,11 +66,18 @@ def test_a_figure_that_fails_is_told_in_a_line_after_the_table_and_the_others_ar
     assert (file.parent / "mine" / "drawn.txt").read_text() == "2"
 
 
+def test_the_means_of_each_setting_are_shown_and_not_in_json(file: Path) -> None:
+    shown = run(file).stdout
+    assert " runs   passed   delivery " in shown
+    assert "2        2" in shown
+    assert "passed  " not in run(file, "--json").stdout
+
+
 def test_json_has_null_for_what_is_no_number(file: Path) -> None:
     rows = [json.loads(line, parse_constant=pytest.fail) for line in run(file, "--json").stdout.splitlines()]
     assert [(row["seed"], row["delivery"], row["series"]) for row in rows] == [
         (1, None, [1.0, None]),
-        (2, None, [1.0, None]),
+        (2, 0.5, [1.0, None]),
     ]
 
 

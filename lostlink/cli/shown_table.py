@@ -1,0 +1,23 @@
+"""A table on the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["print_table"]
+
+WIDE: Final = 1000
+"""Columns, where no terminal says how many there are: nothing is folded."""
+
+
+def print_table(table: Table) -> None:
+    """Print it to stdout."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=WIDE)
+    console.print(table)

@@ -1,0 +1,104 @@
+"""A study by setting: each number's mean over the seeds, and the mean's standard error."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+__all__ = ["BySetting", "Mean", "by_setting"]
+
+SEED: Final = "seed"
+ALWAYS: Final = ("delivery", "age_mean_s", "separation_min_m")
+"""Shown after the study's own numbers and those of expectations."""
+LEFT_OUT: Final = frozenset(("sim_duration_s", "sent", "delivered", "age_peak_s"))
+FOUND: Final = ": found"
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """Of the runs of a setting; of one run alone ``error`` is nan."""
+
+    value: float
+    error: float
+    count: int
+
+    def __str__(self) -> str:
+        if not self.count:
+            return ""
+        if math.isnan(self.error):
+            return f"{self.value:.4g}"
+        if not self.error:
+            return f"{self.value:.4g} ± 0"
+        decimals = max(0, 1 - math.floor(math.log10(self.error)))  # two digits of the error
+        return f"{self.value:.{decimals}f} ± {self.error:.{decimals}f}"
+
+
+@dataclass(frozen=True, slots=True)
+class BySetting:
+    """The runs of one setting.
+
+    Attributes:
+        labels: what varies between settings, without the seed.
+        runs: how many there are.
+        passed: how many of them passed.
+        means: by column.
+    """
+
+    labels: Mapping[str, Any]
+    runs: int
+    passed: int
+    means: Mapping[str, Mean]
+
+
+def by_setting(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> list[BySetting]:
+    """The settings of a study, in the order of its table.
+
+    Args:
+        rows: the study's table.
+        labels: its columns that say which run a row is.
+    """
+    varies = [name for name in labels if name != SEED and len({str(row.get(name)) for row in rows}) > 1]
+    columns = _columns(rows, labels)
+    groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(tuple(str(row.get(name)) for name in varies), []).append(row)
+    return [
+        BySetting(
+            {name: group[0].get(name) for name in varies},
+            len(group),
+            sum(row.get("passed") is True for row in group),
+            {name: _mean([row.get(name) for row in group]) for name in columns},
+        )
+        for group in groups.values()
+    ]
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> list[str]:
+    """Those with numbers: of expectations and the study's own, then what every run has."""
+    names = dict.fromkeys(name for row in rows for name, value in row.items() if _number(value) is not None)
+    others = LEFT_OUT.union(labels, ALWAYS)
+    own = [name for name in names if name not in others and not name.startswith("delivery_")]
+    own += [name for name in names if name.startswith("delivery_") and not _is_link(name)]
+    return [*own, *(name for name in ALWAYS if name in names)]
+
+
+def _is_link(name: str) -> bool:
+    """Whether it is a link's: there may be hundreds."""
+    return len(name.split("_")) == 3
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+def _mean(values: Sequence[object]) -> Mean:
+    numbers = [number for value in values if (number := _number(value)) is not None]
+    if not numbers:
+        return Mean(math.nan, math.nan, 0)
+    error = statistics.stdev(numbers) / math.sqrt(len(numbers)) if len(numbers) > 1 else math.nan
+    return Mean(statistics.fmean(numbers), error, len(numbers))
