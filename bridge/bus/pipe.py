@@ -1,17 +1,23 @@
-"""What a process of a run reports to its supervisor without Zenoh: samples through a pipe, each with its key.
+"""What a process of a run reports to its supervisor without Zenoh: samples through a socket, each with its key.
+
+One byte of the supervisor's tells it to go.
 
 A sample is a little-endian uint16 length of the key, a uint32 length of the payload, the key and the payload.
 """
 
 from __future__ import annotations
 
+import asyncio
 import os
 import struct
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
+from typing import Final
 
 from bridge.bus.messages import Message, encode
 
+GO: Final = b"\n"
 _HEAD = struct.Struct("<HI")
 
 
@@ -19,7 +25,7 @@ class PipeWriter:
     """Writes samples; any thread may.
 
     Args:
-        fd: the pipe's end for writing; this object's from now on.
+        fd: the process's end; this object's from now on.
     """
 
     def __init__(self, fd: int) -> None:
@@ -35,18 +41,29 @@ class PipeWriter:
             while view and not self._broken:
                 try:
                     view = view[os.write(self._fd, view) :]
-                except BrokenPipeError:
+                except ConnectionError:
                     self._broken = True
 
+    async def told_to_go(self) -> None:
+        """Wait until the supervisor says go, or is gone."""
+        loop, told = asyncio.get_running_loop(), asyncio.Event()
+        loop.add_reader(self._fd, told.set)
+        try:
+            await told.wait()
+        finally:
+            loop.remove_reader(self._fd)
+        with suppress(ConnectionError):
+            os.read(self._fd, len(GO))
+
     def close(self) -> None:
-        """Close the pipe's end."""
+        """Close the process's end."""
         with self._lock:
             self._broken = True
             os.close(self._fd)
 
 
 class PipeReader:
-    """Takes bytes of a pipe, gives samples. No I/O."""
+    """Takes the bytes of a process, gives samples. No I/O."""
 
     def __init__(self) -> None:
         self._kept = b""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
+import socket
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 
 from bridge.bus.messages import Message
-from bridge.bus.pipe import PipeReader
+from bridge.bus.pipe import GO, PipeReader
 from bridge.fleet.arrangement import Arrangement
 from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.children.crew import Crew
@@ -31,7 +31,7 @@ log = logging.getLogger(NAME)
 
 
 class _OneProgram(Arrangement):
-    """The program: it flies as soon as it is ready, since nobody else need be waited for."""
+    """The program."""
 
     recorder = NAME
 
@@ -50,9 +50,6 @@ class _OneProgram(Arrangement):
             log_path = self._run.log_path(NAME)
             raise FleetError(f"not ready within {START_S:g} s: {NAME}; see {log_path}") from None
 
-    def go(self) -> None:
-        """It has begun."""
-
     def _heard(self, key: str, came: bytes | Message) -> None:
         if key == self._run.keys.alive(NAME):
             self._begun.set()
@@ -61,41 +58,48 @@ class _OneProgram(Arrangement):
 
 
 class OneProcess(_OneProgram):
-    """The program as a child, which says what it does through a pipe."""
+    """The program as a child, which says what it does through a socket."""
 
     _child: Child | None = None
-    _fd = -1
+    _socket: socket.socket | None = None
 
     async def start(self) -> None:
         """Start the program."""
         self._samples, self._closed = PipeReader(), asyncio.Event()
-        self._fd, theirs = os.pipe()
-        os.set_blocking(self._fd, False)
-        asyncio.get_running_loop().add_reader(self._fd, self._read)
-        command = [*PROGRAM, "--run-dir", str(self._run.path), "--tell-fd", str(theirs)]
-        command += ["--glance"] if self._tidings.glance is not None else []
-        try:
+        self._socket, theirs = socket.socketpair()
+        self._socket.setblocking(False)
+        asyncio.get_running_loop().add_reader(self._socket, self._read)
+        with theirs:
+            command = [*PROGRAM, "--run-dir", str(self._run.path), "--tell-fd", str(theirs.fileno())]
+            command += ["--glance"] if self._tidings.glance is not None else []
             self._child = self._crew.start_program(
-                ProcessSpec(NAME, command, self._run.log_path(NAME), pass_fds=(theirs,))
+                ProcessSpec(NAME, command, self._run.log_path(NAME), pass_fds=(theirs.fileno(),))
             )
-        finally:
-            os.close(theirs)
+
+    def go(self) -> None:
+        """Tell it to fly."""
+        if self._socket is not None:
+            with suppress(ConnectionError):  # it has ended
+                self._socket.send(GO)
 
     def _read(self) -> None:
+        assert self._socket is not None
         try:
-            data = os.read(self._fd, READ_BYTES)
+            data = self._socket.recv(READ_BYTES)
         except BlockingIOError:
             return
+        except ConnectionError:
+            data = b""
         if not data:
             self._close()
         for key, payload in self._samples.receive(data):
             self._heard(key, payload)
 
     def _close(self) -> None:
-        if self._fd >= 0:
-            asyncio.get_running_loop().remove_reader(self._fd)
-            os.close(self._fd)
-            self._fd = -1
+        if self._socket is not None:
+            asyncio.get_running_loop().remove_reader(self._socket)
+            self._socket.close()
+            self._socket = None
             self._closed.set()
 
     async def end(self, news: asyncio.Event) -> list[str]:
@@ -137,14 +141,19 @@ class OneTask(_OneProgram):
         """Start the program."""
         from bridge.program.process import fly  # which loads all parts
 
-        self._stop = asyncio.Event()
+        self._go, self._stop = asyncio.Event(), asyncio.Event()
         self._logs = NodeLogs(self._run, logging.FileHandler(self._run.log_path(NAME), encoding="utf-8"))
         root = logging.getLogger()
         root.setLevel(logging.INFO)
         root.addHandler(self._logs)
         looks = self._tidings.glance is not None
-        self._task = asyncio.create_task(fly(self._run, self._heard, self._stop, looks=looks), name=NAME)
+        flight = fly(self._run, self._heard, self._go.wait, self._stop, looks=looks)
+        self._task = asyncio.create_task(flight, name=NAME)
         self._task.add_done_callback(self._ended)
+
+    def go(self) -> None:
+        """Let it fly."""
+        self._go.set()
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()

@@ -50,11 +50,13 @@ class Observer:
         on_phase: called with what it does now.
         on_message: called with the clock, and what agents say of themselves.
         glance: given states and link reports; None: nobody looks at them, and nobody makes them.
+        joins: awaited when all parts are ready, before the first tick; None: nobody joins from outside.
     """
 
     on_phase: Callable[[str], object]
     on_message: Callable[[Message], object]
     glance: Glance | None = None
+    joins: Callable[[], Coroutine[Any, Any, None]] | None = None
 
 
 class Fleet:
@@ -137,6 +139,8 @@ class Fleet:
             if starts_autopilots:
                 self._start_autopilots(waits_for_physics=True)
             await self._unless_over(parts.ready())
+            if self._observer.joins is not None:
+                await self._unless_over(self._observer.joins())
             parts.go()
             if starts_autopilots:
                 self._start_autopilots(waits_for_physics=False)

@@ -1,4 +1,4 @@
-"""The process of a run that is one program: reports to its supervisor through a pipe."""
+"""The process of a run that is one program: reports to its supervisor through a socket."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from functools import partial
 from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.pipe import PipeWriter
 from bridge.bus.session import Session, open_router
-from bridge.program.program import NAME, Program, Tell
+from bridge.program.program import NAME, Go, Program, Tell
 from bridge.radio.process import login_refused
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
@@ -26,13 +26,15 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run the process, with the words of its command line."""
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__)
     add_run_arguments(parser, NAME)
-    parser.add_argument("--tell-fd", type=int, required=True, help="file descriptor of the supervisor's pipe")
+    parser.add_argument(
+        "--tell-fd", type=int, required=True, help="file descriptor of the supervisor's socket"
+    )
     parser.add_argument("--glance", action="store_true", help="tell of states and links, too")
     arguments = parser.parse_args(words)
     run = log_to_files(arguments)
     pipe = PipeWriter(arguments.tell_fd)
     try:
-        return run_until_stopped(partial(fly, run, pipe.put, looks=arguments.glance))
+        return run_until_stopped(partial(fly, run, pipe.put, pipe.told_to_go, looks=arguments.glance))
     except (FdmError, StandinError) as error:
         log = logging.getLogger(NAME)
         if isinstance(error, StandinError):
@@ -41,11 +43,11 @@ def main(words: Sequence[str] | None = None) -> int:
         return 1
 
 
-async def fly(run: RunDirectory, tell: Tell, stop: asyncio.Event, *, looks: bool) -> None:
+async def fly(run: RunDirectory, tell: Tell, go: Go, stop: asyncio.Event, *, looks: bool) -> None:
     """Fly the run in this process, with its router if it has one; see `Program`."""
     with ExitStack() as stack:
         report = Report(run.path, "router")
-        await Program(run, tell, report, _router(run, report, stack), looks=looks).run(stop)
+        await Program(run, tell, report, _router(run, report, stack), looks=looks).run(go, stop)
 
 
 def _router(run: RunDirectory, report: Report, stack: ExitStack) -> Session | None:

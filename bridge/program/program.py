@@ -10,7 +10,7 @@ import asyncio
 import gc
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, ExitStack, suppress
 from math import isinf
 from time import monotonic
@@ -51,6 +51,7 @@ IDLE_S = 5.0
 GC_THRESHOLD = 50_000
 """Frames make many short-lived objects: what Python has by default would look at them every few frames."""
 Tell = Callable[[str, Message], object]
+Go = Callable[[], Coroutine[Any, Any, object]]
 log = logging.getLogger(NAME)
 
 
@@ -94,8 +95,8 @@ class Program:
         self._called: asyncio.Task[None] | None = None
         self._moved = asyncio.Event()
 
-    async def run(self, stop: asyncio.Event) -> None:
-        """Fly until ``stop`` is set, then write what is left of the record.
+    async def run(self, go: Go, stop: asyncio.Event) -> None:
+        """Say that all is ready, fly from ``go`` until ``stop`` is set, then write what is left of the record.
 
         Raises:
             OutsideValidityError: a packet has no fate.
@@ -111,12 +112,16 @@ class Program:
             gc.freeze()
             gc.set_threshold(GC_THRESHOLD)
             self._tell(self._keys.alive(NAME), Header())
-            if self._needs_no_thread:
-                self._called = asyncio.create_task(self._fly_called())
-            else:
-                self._thread.start()
-            await self._until(stop)
+            if await _unless(stop, go()):
+                self._begin()
+                await self._until(stop)
             self._stop()
+
+    def _begin(self) -> None:
+        if self._needs_no_thread:
+            self._called = asyncio.create_task(self._fly_called())
+        else:
+            self._thread.start()
 
     async def _until(self, stop: asyncio.Event) -> None:
         """Wait for the end; say what is waited for when nothing moves."""
@@ -131,16 +136,8 @@ class Program:
 
     async def _entered(self, stack: AsyncExitStack, stop: asyncio.Event) -> bool:
         """Enter all nodes, unless ``stop`` comes first: an agent may take for ever to be built."""
-        entering = asyncio.ensure_future(self._enter_nodes(stack))
-        stopped = asyncio.ensure_future(stop.wait())
-        await asyncio.wait({entering, stopped}, return_when=asyncio.FIRST_COMPLETED)
-        stopped.cancel()
-        if entering.done():
-            entering.result()
+        if await _unless(stop, self._enter_nodes(stack)):
             return True
-        entering.cancel()
-        with suppress(asyncio.CancelledError):
-            await entering
         stop_all(self._hosted.nodes)
         return False
 
@@ -329,6 +326,20 @@ class Program:
         """Publish it on the bus."""
         if self._bus is not None:
             self._bus.logged(node, item, sim_time_ns)
+
+
+async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, object]) -> bool:
+    """Do ``work``, unless ``stop`` comes first; whether it was done."""
+    doing, stopped = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
+    await asyncio.wait({doing, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    stopped.cancel()
+    if doing.done():
+        doing.result()
+        return True
+    doing.cancel()
+    with suppress(asyncio.CancelledError):
+        await doing
+    return False
 
 
 class _InTheLoop:

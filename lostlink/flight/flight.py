@@ -6,6 +6,7 @@ import asyncio
 import signal
 import sys
 import threading
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol, Self
@@ -91,6 +92,9 @@ class Flight:
         watcher: is called as it goes on.
         how: how the parts of the run are joined; None: as the scenario says.
         understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
+
+    Attributes:
+        view: awaited before the first tick: a view that is to show that, too, has joined; None: there is none.
     """
 
     def __init__(
@@ -105,6 +109,7 @@ class Flight:
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
+        self.view: Callable[[], Coroutine[Any, Any, None]] | None = None
         self._watcher = watcher
         self._lock = threading.Lock()
         self._interrupted = False
@@ -179,7 +184,7 @@ class Flight:
                 self._first_tick = self._first_tick or self._last_tick
             self._watcher.on_message(message)
 
-        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance)
+        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance, self._view_joins)
         fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudy)
         if takes_signals:
             self._pass_signals_to(fleet)
@@ -199,6 +204,11 @@ class Flight:
                 self._watcher.on_error(text)
         self._unfinished = sorted(fleet.course.not_done)
         return ending, fleet.course.sim_time_ns
+
+    async def _view_joins(self) -> None:
+        if self.view is not None:
+            self._watcher.on_phase("waits for the view")
+            await self.view()
 
     def _taken_meanwhile(self, fleet: Fleet, replay: Path | None) -> list[str]:
         """Of a run that ended before its first tick: ports that somebody took after they were looked at."""

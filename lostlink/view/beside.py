@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import subprocess
 import sys
@@ -17,6 +18,9 @@ from bridge.run.directory import RunDirectory
 PORT = 8080
 VIEW_LOG = "view"
 """Of the logs of a run."""
+SERVED_S = 30.0
+"""For the view to start: a run that is looked at does not wait for longer."""
+LOOK_AGAIN_S = 0.1
 END_S = 5.0
 """For the view to end after it was asked to."""
 
@@ -69,6 +73,15 @@ class ViewProcess:
         with run.log_path(VIEW_LOG).open("wb") as log:
             self._process = start_process(command, log)
 
+    async def served(self) -> None:
+        """Wait until it serves, and so has joined the run; or until it has ended, or for SERVED_S."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(SERVED_S):
+                while self.is_open:
+                    if await _answers(self.port):
+                        return
+                    await asyncio.sleep(LOOK_AGAIN_S)
+
     @property
     def is_open(self) -> bool:
         """Whether it serves still."""
@@ -95,6 +108,14 @@ class ViewProcess:
             self._process.wait(END_S)
         self._process.kill()
         self._process.wait()
+
+
+async def _answers(port: int) -> bool:
+    with suppress(OSError):
+        _, writer = await asyncio.open_connection(HOST, port)
+        writer.close()
+        return True
+    return False
 
 
 def check_installed() -> None:

@@ -115,6 +115,7 @@ def test_a_click_sends_the_ua_there_and_its_lists_are_read(
     seen = opened(browser, run)
     page, said = seen.page, seen.page.get_by_role("log")
     expect(said).to_contain_text("UA 0: is done")
+    expect(said).to_contain_text("UA 1: waits until the autopilot is ready to arm")  # from the first tick on
     seen.choose("UA 0")
     expect(page.get_by_role("region", name="Details")).to_contain_text("its agent: is done")
     page.get_by_role("button", name="Go here").click()

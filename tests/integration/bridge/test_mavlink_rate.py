@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import queue
 import signal
-import time
 from collections import Counter
 
 import pyarrow.parquet as pq
@@ -29,13 +28,14 @@ def test_200_mission_items_are_uploaded_within_5_s_at_real_time(start_run: Start
     run.wait_for("sim time")
     client = mavutil.mavlink_connection(f"tcp:127.0.0.1:{6760 + 10 * (run.slot + 1)}")
     client.recv_match(type="HEARTBEAT", condition="HEARTBEAT.type==2", blocking=True, timeout=20)
-    begin = time.monotonic()
     upload(client, mission_items(200))
-    took_s = time.monotonic() - begin
     client.close()
-    assert took_s < 5.0
+    run.stop(signal.SIGTERM)
     lines = [json.loads(line) for line in (run.directory / "inputs" / "1.jsonl").read_text().splitlines()]
     assert any(line["tick_ns"] % 50_000_000 for line in lines)
+    items_ns = [line["tick_ns"] for line in lines if line.get("name") == "MISSION_ITEM_INT"]
+    assert len(items_ns) >= 200
+    assert items_ns[-1] - items_ns[0] < 5_000_000_000  # of sim time, which a slow machine does not keep up with
 
 
 @pytest.mark.parametrize("rate_hz", [20, pytest.param(100, marks=pytest.mark.slow)])
