@@ -117,6 +117,7 @@ def test_from_two_sides_both_find_what_neither_finds_alone(tmp_path: Path) -> No
         assert alone[f"final_bound_{node}_m"] > 2.0 * alone["final_bound_m"]
 
 
+@pytest.mark.long
 def test_readings_are_drawn_anew_along_a_flight(fly_mission: FlyMission) -> None:
     settings = {"tick_rate_hz": 4, "fdm.standin_rate_hz": 100, "radio": "perfect", "duration_s": 65}
     run = fly_mission("localise", "short", settings)

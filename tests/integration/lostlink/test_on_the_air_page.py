@@ -33,7 +33,7 @@ def started(folder: Path, *words: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     port, slot = str(free_port()), str(free_slot(2))

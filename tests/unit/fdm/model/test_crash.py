@@ -111,9 +111,13 @@ def test_a_crash_is_the_same_again():
     assert fall_to_rest("f450", 3.0, ASKEW, TUMBLING) == fall_to_rest("f450", 3.0, ASKEW, TUMBLING)
 
 
+def long(*values):
+    return [pytest.param(value, marks=pytest.mark.long) for value in values]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [100, 250, 400, 1200])
-@pytest.mark.parametrize("height_m", [0.5, 2.0, 40.0, 100.0])
+@pytest.mark.parametrize("rate_hz", [100, 400, *long(250, 1200)])
+@pytest.mark.parametrize("height_m", [2.0, 40.0, *long(0.5, 100.0)])
 @pytest.mark.parametrize("name", COPTERS)
 def test_copters_come_to_rest_from_anywhere(name, height_m, rate_hz):
     cases = product(ATTITUDES, (STILL, (20.0, 0.0, -8.0)), (STILL, (12.0, -3.0, 0.0)))
@@ -122,7 +126,7 @@ def test_copters_come_to_rest_from_anywhere(name, height_m, rate_hz):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [100, 250, 400, 1200])
+@pytest.mark.parametrize("rate_hz", [100, 400, *long(250, 1200)])
 @pytest.mark.parametrize("speed_mps", [0.0, 20.0, 50.0])
 def test_the_fixed_wing_comes_to_rest_from_any_dive(speed_mps, rate_hz):
     for attitude_deg, height_m in product(((0, -89), (180, -89), (180, -60), (180, -30)), (10.0, 40.0)):
