@@ -35,7 +35,9 @@ def test_200_mission_items_are_uploaded_within_5_s_at_real_time(start_run: Start
     assert any(line["tick_ns"] % 50_000_000 for line in lines)
     items_ns = [line["tick_ns"] for line in lines if line.get("name") == "MISSION_ITEM_INT"]
     assert len(items_ns) >= 200
-    assert items_ns[-1] - items_ns[0] < 5_000_000_000  # of sim time, which a slow machine does not keep up with
+    assert (
+        items_ns[-1] - items_ns[0] < 5_000_000_000
+    )  # of sim time, which a slow machine does not keep up with
 
 
 @pytest.mark.parametrize("rate_hz", [20, pytest.param(100, marks=pytest.mark.slow)])
