@@ -151,6 +151,15 @@ class FleetFlight:
                 )
             await asyncio.sleep(LOOK_S)
 
+    def has_begun(self) -> None:
+        """Of a flight that is over: see that it had a first tick.
+
+        Raises:
+            AssertionError: it had none; the text says why.
+        """
+        if self.recorded_s() < 0.0:
+            raise AssertionError(f"the flight ended before its first tick: {self._told()}")
+
     def has_waited_for(self, sim_time_s: float) -> None:
         """The test has waited until then."""
         self.end_s = max(self.end_s, sim_time_s)
@@ -264,9 +273,10 @@ class Flights:
         return flight
 
     def fly(self, scenario: ScenarioLike, **given: Any) -> FleetFlight:
-        """Fly a scenario to its end, for a test that is not async; arguments as of a call."""
+        """Fly a scenario to its end, for a test that is not async; arguments and errors as of a call."""
         flight = self.start(scenario, **given)
         flight.result()
+        flight.has_begun()
         return flight
 
     def start(
