@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.deliveries import FATES, FIGURES
+from bridge.record.tables.deliveries import FATES, FIGURES, delays_s
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
 from lostlink.reading.rows import DeliveryRows
@@ -17,7 +17,12 @@ from lostlink.reading.rows import DeliveryRows
 
 @dataclass(frozen=True, slots=True)
 class LinkChange:
-    """One directed link; ``lost`` has a count for each cause that occurred."""
+    """One directed link; ``lost`` has a count for each cause that occurred.
+
+    Attributes:
+        delay_mean_before_s: from the sender's stamp to arrival, of what was delivered; None of nothing.
+        delay_mean_after_s: likewise.
+    """
 
     tx: str
     rx: str
@@ -26,6 +31,8 @@ class LinkChange:
     delivered_after: int
     lost_before: dict[str, int]
     lost_after: dict[str, int]
+    delay_mean_before_s: float | None
+    delay_mean_after_s: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +64,8 @@ class DecisionComparison:
         fates: how many there are in both.
         changed: how many of them differ.
         changes: from what to what, ``[{"before": cause, "after": cause, "packets": count}]``.
-        is_same: whether fates, powers and error rates are the same, bit by bit, and nothing is missing.
+        is_same: whether fates, instants of arrival, powers and error rates are the same, bit by bit, and nothing is
+            missing.
         not_compared: fates that only one side has: a killed run's files end at different ticks.
         links: per directed link.
         bins: per directed link and distance.
@@ -101,6 +109,7 @@ def compare_decisions(
         _changes(changed),
         not missing
         and not changed.any()
+        and np.array_equal(one.columns["arrived_ns"], other.columns["arrived_ns"])
         and all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
         missing,
         _links(one, other),
@@ -120,7 +129,9 @@ def _same_bits(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
-    counts = [side.cells(side.link, len(one.nodes) ** 2) for side in (one, other)]
+    count = len(one.nodes) ** 2
+    counts = [side.cells(side.link, count) for side in (one, other)]
+    delays = [_mean_delays_s(side, count) for side in (one, other)]
     found = []
     for link in np.flatnonzero(counts[0].any(axis=-1)).tolist():
         (tx, rx), (was, is_now) = divmod(link, len(one.nodes)), (each[link] for each in counts)
@@ -133,9 +144,22 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
                 int(is_now[DELIVERED]),
                 _lost(was),
                 _lost(is_now),
+                *(means[link] for means in delays),
             )
         )
     return tuple(sorted(found, key=lambda link: (link.tx, link.rx)))
+
+
+def _mean_delays_s(rows: DeliveryRows, count: int) -> list[float | None]:
+    """Of each link; None where nothing was delivered."""
+    delay_s = delays_s(rows.columns)
+    came = ~np.isnan(delay_s)
+    link = rows.link[came]
+    sums, numbers = np.bincount(link, delay_s[came], count), np.bincount(link, minlength=count)
+    return [
+        total / number if number else None
+        for total, number in zip(sums.tolist(), numbers.tolist(), strict=True)
+    ]
 
 
 def _lost(counts: NDArray[np.int64]) -> dict[str, int]:

@@ -69,7 +69,9 @@ def _table(title: str, *columns: str) -> Table:
 
 def _links_table(links: Sequence[LinkChange]) -> Table:
     table = _table(
-        "Delivered, before and after", "link", "sent", "before", "after", "lost before", "lost after"
+        "Delivered, before and after",
+        *("link", "sent", "before", "after", "lost before", "lost after"),
+        *("mean delay before, ms", "after, ms"),
     )
     for link in links[:LINKS_SHOWN_MAX]:
         table.add_row(*_link_row(f"{link.tx} -> {link.rx}", [link]))
@@ -86,7 +88,17 @@ def _link_row(name: str, links: Sequence[LinkChange]) -> tuple[str, ...]:
         sum(counts) for counts in zip(*((k.delivered_before, k.delivered_after) for k in links), strict=True)
     )
     lost = _lost(link.lost_before for link in links), _lost(link.lost_after for link in links)
-    return name, str(sent), str(before), str(after), *lost
+    means = (
+        _delay_ms((link.delivered_before, link.delay_mean_before_s) for link in links),
+        _delay_ms((link.delivered_after, link.delay_mean_after_s) for link in links),
+    )
+    return name, str(sent), str(before), str(after), *lost, *means
+
+
+def _delay_ms(links: Iterable[tuple[int, float | None]]) -> str:
+    known = [(count, mean_s) for count, mean_s in links if mean_s is not None]
+    delivered = sum(count for count, _ in known)
+    return f"{1e3 * sum(count * mean_s for count, mean_s in known) / delivered:.2f}" if delivered else "-"
 
 
 def _lost(counts: Iterable[dict[str, int]]) -> str:

@@ -336,7 +336,7 @@ def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns, netw
         c["per"],
         c["fate"].astype(np.uint8).tobytes(),
         c["packets"].astype(np.uint32),
-        _delays_s(c),
+        delays_s(c),
         tuple(networks),
         c["radio"].astype(np.uint16),
         c["entered_ns"],
@@ -346,7 +346,7 @@ def fates_message(sim_time_ns: int, nodes: Sequence[str], columns: Columns, netw
     )
 
 
-def _delays_s(columns: Columns) -> NDArray[np.float64]:
+def delays_s(columns: Columns) -> NDArray[np.float64]:
     """From the sender's stamp to arrival; NaN of what was lost."""
     came = (columns["fate"] == DELIVERED) & (columns["arrived_ns"] >= 0)
     return np.where(came, (columns["arrived_ns"] - columns["sim_time_ns"]) / 1e9, np.nan)

@@ -187,8 +187,24 @@ def test_another_radio_is_as_a_run_with_it(
     write_deliveries(result, tmp_path / "anew")
     mine, theirs = (DELIVERIES.parquet_path(tmp_path / name) for name in ("anew", "fresh"))
     assert mine.read_bytes() == theirs.read_bytes()
-    assert fresh.is_dir()
     assert not result.comparison.is_same
+    for flown_so, name in ((run, "delay_mean_before_s"), (fresh, "delay_mean_after_s")):
+        assert delays_of(flown_so) == {
+            (link.tx, link.rx): pytest.approx(getattr(link, name))
+            for link in result.comparison.links
+            if getattr(link, name) is not None
+        }
+
+
+def delays_of(run: Path) -> dict[tuple[str, str], float]:
+    """Mean delay of what arrived, by link, by pandas."""
+    rows = pq.read_table(DELIVERIES.parquet_path(run)).to_pandas()
+    rows = rows[rows["fate"] == "delivered"]
+    delay_s = (rows["arrived_ns"] - rows["sim_time_ns"]) / 1e9
+    means: dict[tuple[str, str], float] = (
+        delay_s.groupby([rows["tx"].astype(str), rows["rx"].astype(str)]).mean().to_dict()
+    )
+    return means
 
 
 @pytest.mark.parametrize("mtu_bytes", [250, 280], ids=["other rows", "the same rows"])
