@@ -28,6 +28,8 @@ SETPOINT_PERIOD_S: Final = 0.25
 HOLD: Final = "AUTO.LOITER"
 MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
+COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
+"""Of COMMAND_INT. Most versions do not look at it; some of early 2026 take no other."""
 NO_MISSION: Final = 0xFFFF
 """MISSION_CURRENT.total without a mission."""
 
@@ -180,8 +182,7 @@ class Px4Stack:
         nose = float(mavlink.ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TO_CIRCLE_CENTER)
         params = (signed_m, circle.speed_mps, nose, 0.0)
         place = (lat_deg, lon_deg, _amsl_m(state, height_m))
-        frame = int(mavlink.MAV_FRAME_GLOBAL)
-        step = command_int(state, int(mavlink.MAV_CMD_DO_ORBIT), frame, params, place)
+        step = command_int(state, int(mavlink.MAV_CMD_DO_ORBIT), COMMAND_FRAME, params, place)
         plane = is_plane(state.vehicle_type)
         return Manoeuvre(
             (step,),
@@ -262,5 +263,4 @@ def _amsl_m(state: VehicleState, height_m: float) -> float:
 def _reposition(state: VehicleState, place: Place, speed_mps: float, yaw_rad: float) -> Step:
     """DO_REPOSITION, its height above mean sea level."""
     params = (speed_mps, float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), 0.0, yaw_rad)
-    frame = int(mavlink.MAV_FRAME_GLOBAL)
-    return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), frame, params, place)
+    return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), COMMAND_FRAME, params, place)

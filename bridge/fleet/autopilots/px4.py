@@ -19,12 +19,16 @@ from bridge.scenario.resolve.flight import airframe_of
 INSTANCE_MAX = 249
 RATE_BYTES_PER_S = 4_000_000
 PARAMETERS = {
-    "COM_RC_IN_MODE": 4,
+    "COM_RC_IN_MODE": 1,
     "COM_OBL_RC_ACT": 5,
     "NAV_DLL_ACT": 0,
     "NAV_RCL_ACT": 0,
 }
-"""There are no sticks; a lost ground station is for the scenario to act upon; where setpoints end, it holds."""
+"""Sticks come by MAVLink, if at all, and neither they nor a ground station are missed; where setpoints end, it holds.
+
+With COM_RC_IN_MODE 4, no sticks, a PX4 of 2026 without a ground station takes a mission that it begins in the air for
+one that is over, and returns.
+"""
 
 
 class Px4(Launcher):

@@ -72,7 +72,7 @@ def test_heights_are_above_mean_sea_level():
     assert (climb.command, climb.param7) == (22, 503.0)
     assert all(map(math.isnan, (climb.param4, climb.param5, climb.param6)))
     goto = targets.goto(HOVERS, 47.001, 8.001, 30.0, speed_mps=4.0, yaw_deg=90.0).steps[0].message(0)
-    assert (goto.command, goto.frame, goto.x, goto.y, goto.z) == (192, 0, 470010000, 80010000, 518.0)
+    assert (goto.command, goto.frame, goto.x, goto.y, goto.z) == (192, 5, 470010000, 80010000, 518.0)
     assert (goto.param1, goto.param2, goto.param4) == (4.0, 1.0, pytest.approx(math.pi / 2))
     amsl = targets.goto(HOVERS, 47.001, 8.001, 530.0, frame="amsl").steps[0].message(0)
     assert (amsl.z, amsl.param1) == (530.0, -1.0)
