@@ -17,7 +17,7 @@ def print_table(table: Table) -> None:
     """Print it to stdout."""
     from rich.console import Console
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)  # names are people's, and may have brackets
     if not console.is_terminal:
-        console = Console(highlight=False, width=WIDE)
+        console = Console(highlight=False, markup=False, width=WIDE)
     console.print(table)
