@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from bridge.radio.ledger_file import judged_in
@@ -34,12 +33,11 @@ def plain_of(result: Redecision) -> dict[str, Any]:
     return what | result.comparison.as_plain() | judged_in(result.books) | worth
 
 
-def print_tables(comparison: DecisionComparison) -> None:
-    """Print them to stdout."""
-    console = Console()
-    console.print(_links_table(comparison.links))
+def tables(comparison: DecisionComparison) -> Iterator[Table]:
+    """What people see of it."""
+    yield _links_table(comparison.links)
     if comparison.bins:
-        console.print(_bins_table(comparison.bins))
+        yield _bins_table(comparison.bins)
 
 
 def sentence(comparison: DecisionComparison) -> str:
@@ -71,7 +69,7 @@ def _links_table(links: Sequence[LinkChange]) -> Table:
     table = _table(
         "Delivered, before and after",
         *("link", "sent", "before", "after", "lost before", "lost after"),
-        *("mean delay before, ms", "after, ms"),
+        *("mean delay before, ms", "mean delay after, ms"),
     )
     for link in links[:LINKS_SHOWN_MAX]:
         table.add_row(*_link_row(f"{link.tx} -> {link.rx}", [link]))

@@ -17,6 +17,7 @@ from bridge.scenario.model import Scenario
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import setting_options
+from lostlink.cli.shown_table import print_table
 from lostlink.flight.exits import DISAGREES
 
 if TYPE_CHECKING:
@@ -116,10 +117,11 @@ class _Written:
 
 
 def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
-    from lostlink.redecision.told import print_tables, sentence, verdict_on
+    from lostlink.redecision.told import sentence, tables, verdict_on
 
     if not quiet:
-        print_tables(result.comparison)
+        for table in tables(result.comparison):
+            print_table(table)
         if out is not None:
             click.echo(out)
     click.echo(sentence(result.comparison))
