@@ -184,7 +184,8 @@ class Flight:
                 self._first_tick = self._first_tick or self._last_tick
             self._watcher.on_message(message)
 
-        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance, self._view_joins)
+        joins = self._view_joins if self.view is not None else None
+        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance, joins)
         fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudy)
         if takes_signals:
             self._pass_signals_to(fleet)
@@ -206,9 +207,9 @@ class Flight:
         return ending, fleet.course.sim_time_ns
 
     async def _view_joins(self) -> None:
-        if self.view is not None:
-            self._watcher.on_phase("waits for the view")
-            await self.view()
+        assert self.view is not None
+        self._watcher.on_phase("waits for the view")
+        await self.view()
 
     def _taken_meanwhile(self, fleet: Fleet, replay: Path | None) -> list[str]:
         """Of a run that ended before its first tick: ports that somebody took after they were looked at."""

@@ -69,13 +69,18 @@ def of_tables(run: Run) -> Metrics:
         "delivered": delivered,
         "delivery": delivered / sent if sent else float("nan"),
         **{
-            f"delivery_{tx}_{rx}": float(d / s) if s else float("nan")
+            link_column(tx, rx): float(d / s) if s else float("nan")
             for tx, rx, s, d in zip(links["tx"], links["rx"], links["sent"], links["delivered"], strict=True)
         },
         "age_mean_s": _mean(ages["mean_s"]),
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
         "separation_min_m": separation_m(places_of(run.path, run.nodes)[1].values())[0],
     }
+
+
+def link_column(tx: str, rx: str) -> str:
+    """The column of a link's delivery."""
+    return f"delivery_{tx}_{rx}"
 
 
 def _mean(values: NDArray[np.float64]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,7 +14,6 @@ SEED: Final = "seed"
 ALWAYS: Final = ("delivery", "age_mean_s", "separation_min_m")
 """Shown after the study's own numbers and those of expectations."""
 LEFT_OUT: Final = frozenset(("sim_duration_s", "sent", "delivered", "age_peak_s"))
-FOUND: Final = ": found"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +52,18 @@ class BySetting:
     means: Mapping[str, Mean]
 
 
-def by_setting(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> list[BySetting]:
+def by_setting(
+    rows: Sequence[Mapping[str, Any]], labels: Sequence[str], links: Collection[str] = ()
+) -> list[BySetting]:
     """The settings of a study, in the order of its table.
 
     Args:
         rows: the study's table.
         labels: its columns that say which run a row is.
+        links: its columns of single links, which are left out: there may be hundreds.
     """
     varies = [name for name in labels if name != SEED and len({str(row.get(name)) for row in rows}) > 1]
-    columns = _columns(rows, labels)
+    columns = _columns(rows, LEFT_OUT.union(labels, links))
     groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault(tuple(str(row.get(name)) for name in varies), []).append(row)
@@ -76,18 +78,11 @@ def by_setting(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> list
     ]
 
 
-def _columns(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> list[str]:
+def _columns(rows: Sequence[Mapping[str, Any]], left_out: Collection[str]) -> list[str]:
     """Those with numbers: of expectations and the study's own, then what every run has."""
     names = dict.fromkeys(name for row in rows for name, value in row.items() if _number(value) is not None)
-    others = LEFT_OUT.union(labels, ALWAYS)
-    own = [name for name in names if name not in others and not name.startswith("delivery_")]
-    own += [name for name in names if name.startswith("delivery_") and not _is_link(name)]
+    own = [name for name in names if name not in left_out and name not in ALWAYS]
     return [*own, *(name for name in ALWAYS if name in names)]
-
-
-def _is_link(name: str) -> bool:
-    """Whether it is a link's: there may be hundreds."""
-    return len(name.split("_")) == 3
 
 
 def _number(value: object) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result, recorded
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
-from lostlink.study.metrics import load
+from lostlink.study.metrics import link_column, load
 from lostlink.study.model import Function, StudyError, StudyFile, read_study
 from lostlink.study.table import TABLE_FILE, write_table
 
@@ -108,6 +109,14 @@ class Study:
             )
             rows.append({**case.labels, "id": case.id, **known})
         return rows
+
+    def link_columns(self) -> set[str]:
+        """Columns of single links."""
+        return {
+            link_column(*link)
+            for case in self.cases
+            for link in permutations(case.scenario.transceiver_ids, 2)
+        }
 
     def write(self) -> Path:
         """Write the table; gives its file.

@@ -50,7 +50,7 @@ class _End:
 
     def is_there(self, now: VehicleState) -> bool:
         reached_ns = now.heard_ns.get(_ITEM_REACHED, -1)
-        self.begun |= now.mode in self.modes or reached_ns > self.reached_ns
+        self.begun |= now.mode in self.modes or (reached_ns > self.reached_ns and not self.is_stale)
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
             self.started_reached_ns = reached_ns

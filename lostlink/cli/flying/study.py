@@ -119,7 +119,7 @@ def study(
 
 def _print_settings(ours: Study) -> None:
     """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
-    settings = by_setting(ours.rows(), list(ours.cases[0].labels))
+    settings = by_setting(ours.rows(), list(ours.cases[0].labels), ours.link_columns())
     names = list(settings[0].means)
     table = Table(box=box.SIMPLE_HEAD, caption_justify="left")
     if len(names) > COLUMNS_MAX:
