@@ -14,6 +14,8 @@ from __future__ import annotations
 
 START_S = 60.0
 """For all processes to be ready, and again for the autopilots to send their first packet."""
+VIEW_S = 30.0
+"""For a view to be served, before the first tick of the run that it is to show; the run then begins without it."""
 NEWS_PERIOD_S = 2.0
 """Nothing that a person waits for at a terminal is silent for longer."""
 LOG_PERIOD_S = 10.0

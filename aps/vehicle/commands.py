@@ -21,6 +21,7 @@ from aps.timeouts import (
     ARMED_GRACE_MS,
     FEEDBACK_PERIOD_MS,
     IN_PROGRESS_TIMEOUT_S,
+    MODE_TIMEOUT_S,
     REASON_GRACE_S,
     SHOWN_LAG_S,
     SHOWN_TIMEOUT_S,
@@ -70,8 +71,8 @@ class Step:
     patience_s: float = 0.0
     """For so long it is sent again when it is rejected for now (MAV_RESULT_TEMPORARILY_REJECTED)."""
     shown: Callable[[VehicleState], bool] | None = None
-    """Of what is acknowledged before it is done: whether the state shows that it was done. If heartbeats do not, it was
-    rejected for now."""
+    """Of a mode that is acknowledged before it is entered: whether the state shows that it was. If a later heartbeat
+    does not, it counts as rejected for now; without heartbeats it has MODE_TIMEOUT_S of the autopilot's time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,7 +314,7 @@ class CommandExecution(Execution):
         if waiting.answer != _ACCEPTED or not self.plan.steps:
             return False
         shown = self.plan.steps[self._step].shown
-        if shown is None or shown(state):
+        if shown is None or shown(state) or waiting.refused_ns is not None:
             return False
         if waiting.acknowledged_ns is None:
             waiting.acknowledged_ns = now_ns
@@ -377,6 +378,12 @@ class CommandExecution(Execution):
             return [] if plan.stop_messages is None else plan.stop_messages(state)
         if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
             self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
+        elif self._was_not_entered(state, flown_ms):
+            self.end(
+                Outcome.TIMED_OUT,
+                f"accepted, but not begun within {MODE_TIMEOUT_S:g} s of autopilot time: {state.mode}"
+                + self._words(),
+            )
         elif self._has_left(state):
             self.end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self._words())
         elif flown_ms > plan.timeout_s * 1000.0:
@@ -389,6 +396,14 @@ class CommandExecution(Execution):
         elif state.time_boot_ms - self._feedback_ms >= FEEDBACK_PERIOD_MS:
             self._feedback(state)
         return []
+
+    def _was_not_entered(self, state: VehicleState, flown_ms: int) -> bool:
+        """Whether what was acknowledged too early has not come about since."""
+        shown = self.plan.steps[-1].shown if self.plan.steps else None
+        if shown is None or self._mode_seen:
+            return False
+        self._mode_seen = shown(state)
+        return not self._mode_seen and flown_ms > MODE_TIMEOUT_S * 1000.0
 
     def _has_left(self, state: VehicleState) -> bool:
         """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""

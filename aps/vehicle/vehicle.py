@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, Final
@@ -41,6 +42,7 @@ from aps.wire.framer import Frame
 
 __all__ = ["Vehicle"]
 
+FOREIGN_HEARTBEATS: Final = 3
 _HEARTBEAT: Final = 0
 _COMMANDS: Final = frozenset({75, 76})
 """COMMAND_INT and COMMAND_LONG: what is answered by a COMMAND_ACK."""
@@ -113,7 +115,8 @@ class Vehicle:
         self.on_heard: Callable[[], None] | None = None
         """Called with the first heartbeat of each connection, if set."""
         self.on_foreign: Callable[[int], None] | None = None
-        """Called, if set, with the system id of an autopilot that is heard in place of ours, which never was."""
+        """Called, if set, with the system id of an autopilot that is heard in place of ours, which never was: with its
+        third heartbeat, as what hands on others' heartbeats may begin with one of them."""
         self.heard = False
         """Whether the autopilot's heartbeat has been heard on this connection."""
         self.events = EventTexts()
@@ -123,7 +126,9 @@ class Vehicle:
         self._put = put
         self._encoder = Encoder(sysid, ONBOARD_COMPUTER_COMPID)
         self._assembler = StatusTextAssembler()
-        self._foreign: set[int] = set()
+        self._foreign: Counter[int] = Counter()
+        """Heartbeats of other systems' autopilots."""
+        self._ever_heard = False
         self._silent_heartbeats = 0
         self._clock_ms = 0
 
@@ -246,16 +251,18 @@ class Vehicle:
         return frame.target_system == self.sysid and frame.target_component in (0, ONBOARD_COMPUTER_COMPID)
 
     def _from_foreign(self, frame: Frame) -> None:
-        if frame.msg_id == _HEARTBEAT and frame.sysid not in self._foreign:
-            self._foreign.add(frame.sysid)
+        if frame.msg_id != _HEARTBEAT:
+            return
+        self._foreign[frame.sysid] += 1
+        if self._foreign[frame.sysid] == 1:
             _log.warning(
                 "the autopilot at %s calls itself system %d, expected %d (--sysid)",
                 self._name,
                 frame.sysid,
                 self.sysid,
             )
-            if not self.heard:  # an autopilot that was also hands on what it hears of others
-                self.callbacks.call("the callback for a foreign system", self.on_foreign, frame.sysid)
+        if self._foreign[frame.sysid] == FOREIGN_HEARTBEATS and not self._ever_heard:
+            self.callbacks.call("the callback for a foreign system", self.on_foreign, frame.sysid)
 
     def _autopilot_heartbeat(self, now_ns: int) -> None:
         self.acks.heartbeat()
@@ -263,7 +270,7 @@ class Vehicle:
         self._silent_heartbeats = 0 if clock_ms != self._clock_ms else self._silent_heartbeats + 1
         self._clock_ms = clock_ms
         if not self.heard:
-            self.heard = True
+            self.heard = self._ever_heard = True
             _log.info("autopilot of system %d heard: %s", self.sysid, self.telemetry.state(now_ns).mode)
             self.callbacks.call("the callback for the first heartbeat", self.on_heard)
             self._fetch_events()

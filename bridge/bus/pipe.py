@@ -12,7 +12,6 @@ import os
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Final
 
 from bridge.bus.messages import Message, encode
@@ -44,22 +43,18 @@ class PipeWriter:
                 except ConnectionError:
                     self._broken = True
 
-    async def told_to_go(self) -> None:
-        """Wait until the supervisor says go, or is gone."""
+    async def told_to_go(self) -> bool:
+        """Wait until the supervisor says go, or is gone; whether it has said so."""
         loop, told = asyncio.get_running_loop(), asyncio.Event()
         loop.add_reader(self._fd, told.set)
         try:
             await told.wait()
         finally:
             loop.remove_reader(self._fd)
-        with suppress(ConnectionError):
-            os.read(self._fd, len(GO))
-
-    def close(self) -> None:
-        """Close the process's end."""
-        with self._lock:
-            self._broken = True
-            os.close(self._fd)
+        try:
+            return os.read(self._fd, len(GO)) == GO
+        except ConnectionError:
+            return False
 
 
 class PipeReader:

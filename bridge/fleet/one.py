@@ -107,7 +107,7 @@ class OneProcess(_OneProgram):
         killed: list[str] = []
         if self._child is not None:
             killed += await end_with_news(self._child, news, ROUTER_GRACE_S)
-            with suppress(TimeoutError):  # its last words, which may still be in the pipe
+            with suppress(TimeoutError):  # its last words, which may still be in the socket
                 await asyncio.wait_for(self._closed.wait(), FLIGHT_GRACE_S)
         others = [child for child in self._crew.children if child is not self._child]
         killed += await end_all(others, FLIGHT_GRACE_S)

@@ -51,7 +51,8 @@ IDLE_S = 5.0
 GC_THRESHOLD = 50_000
 """Frames make many short-lived objects: what Python has by default would look at them every few frames."""
 Tell = Callable[[str, Message], object]
-Go = Callable[[], Coroutine[Any, Any, object]]
+Go = Callable[[], Coroutine[Any, Any, bool]]
+"""Waits for the supervisor; whether it said go."""
 log = logging.getLogger(NAME)
 
 
@@ -112,7 +113,7 @@ class Program:
             gc.freeze()
             gc.set_threshold(GC_THRESHOLD)
             self._tell(self._keys.alive(NAME), Header())
-            if await _unless(stop, go()):
+            if await self._unless(stop, go()):
                 self._begin()
                 await self._until(stop)
             self._stop()
@@ -136,12 +137,25 @@ class Program:
 
     async def _entered(self, stack: AsyncExitStack, stop: asyncio.Event) -> bool:
         """Enter all nodes, unless ``stop`` comes first: an agent may take for ever to be built."""
-        if await _unless(stop, self._enter_nodes(stack)):
+        if await self._unless(stop, self._enter_nodes(stack)):
             return True
         stop_all(self._hosted.nodes)
         return False
 
-    async def _enter_nodes(self, stack: AsyncExitStack) -> None:
+    async def _unless(self, stop: asyncio.Event, work: Coroutine[Any, Any, bool]) -> bool:
+        """Do ``work``, unless ``stop`` or a failure comes first; whether it was done, and went well."""
+        doing, stopped = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
+        waiting: set[asyncio.Future[Any]] = {doing, stopped, self._over}
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        stopped.cancel()
+        if doing.done():
+            return doing.result()
+        doing.cancel()
+        with suppress(asyncio.CancelledError):
+            await doing
+        return False
+
+    async def _enter_nodes(self, stack: AsyncExitStack) -> bool:
         nodes = []
         for node, outlet in self._outlets.items():
             standin = self._standins.get(node)
@@ -151,6 +165,7 @@ class Program:
             nodes.append(await stack.enter_async_context(hosted))
             self._arrivals[node] = hosted.node.arrivals
             self._hosted = Hosted(nodes, self._dynamics.exchanged)
+        return True
 
     def _stop(self) -> None:
         """End agents and physics, and pass on what they said on their way out."""
@@ -326,20 +341,6 @@ class Program:
         """Publish it on the bus."""
         if self._bus is not None:
             self._bus.logged(node, item, sim_time_ns)
-
-
-async def _unless(stop: asyncio.Event, work: Coroutine[Any, Any, object]) -> bool:
-    """Do ``work``, unless ``stop`` comes first; whether it was done."""
-    doing, stopped = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
-    await asyncio.wait({doing, stopped}, return_when=asyncio.FIRST_COMPLETED)
-    stopped.cancel()
-    if doing.done():
-        doing.result()
-        return True
-    doing.cancel()
-    with suppress(asyncio.CancelledError):
-        await doing
-    return False
 
 
 class _InTheLoop:

@@ -17,7 +17,7 @@ def print_table(table: Table) -> None:
     """Print it to stdout."""
     from rich.console import Console
 
-    console = Console(highlight=False, markup=False)  # names are people's, and may have brackets
+    console = Console(highlight=False, markup=False, emoji=False)  # names are people's: [near], 3:100:7
     if not console.is_terminal:
-        console = Console(highlight=False, markup=False, width=WIDE)
+        console.width = WIDE
     console.print(table)

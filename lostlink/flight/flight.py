@@ -94,7 +94,8 @@ class Flight:
         understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
 
     Attributes:
-        view: awaited before the first tick: a view that is to show that, too, has joined; None: there is none.
+        view: awaited before the first tick: a view that is to show that, too, has joined, or why it has not ("" if it
+            has); None: there is none.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class Flight:
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
-        self.view: Callable[[], Coroutine[Any, Any, None]] | None = None
+        self.view: Callable[[], Coroutine[Any, Any, str]] | None = None
         self._watcher = watcher
         self._lock = threading.Lock()
         self._interrupted = False
@@ -209,7 +210,9 @@ class Flight:
     async def _view_joins(self) -> None:
         assert self.view is not None
         self._watcher.on_phase("waits for the view")
-        await self.view()
+        failure = await self.view()
+        if failure:
+            self._watcher.on_error(failure)
 
     def _taken_meanwhile(self, fleet: Fleet, replay: Path | None) -> list[str]:
         """Of a run that ended before its first tick: ports that somebody took after they were looked at."""

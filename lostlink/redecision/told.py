@@ -47,7 +47,9 @@ def sentence(comparison: DecisionComparison) -> str:
         parts = [f"{c['packets']} {_words(c['before'])} -> {_words(c['after'])}" for c in changes]
         text = f"{comparison.changed} of {comparison.fates} fates are other: {', '.join(parts)}"
     elif comparison.is_same:
-        text = f"all {comparison.fates} fates are the same, with their powers and error rates"
+        text = f"all {comparison.fates} fates are the same, with their powers and error rates, at the same instants"
+    elif not comparison.not_compared:
+        text = f"all {comparison.fates} fates are the same, but not all powers, error rates and instants of arrival"
     else:
         text = f"all {comparison.fates} fates are the same"
     missing = comparison.not_compared

@@ -8,17 +8,19 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-__all__ = ["BySetting", "Mean", "by_setting"]
+__all__ = ["ALWAYS", "BySetting", "Mean", "by_setting"]
 
 SEED: Final = "seed"
 ALWAYS: Final = ("delivery", "age_mean_s", "separation_min_m")
 """Shown after the study's own numbers and those of expectations."""
+ROUNDING: Final = 1e-12
+"""Of a value: by so little the same numbers differ."""
 LEFT_OUT: Final = frozenset(("sim_duration_s", "sent", "delivered", "age_peak_s"))
 
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """Of the runs of a setting; of one run alone ``error`` is nan."""
+    """Of those runs of a setting that have the number; of one run alone ``error`` is nan."""
 
     value: float
     error: float
@@ -29,10 +31,11 @@ class Mean:
             return ""
         if math.isnan(self.error):
             return f"{self.value:.4g}"
-        if not self.error:
+        if self.error <= ROUNDING * abs(self.value):
             return f"{self.value:.4g} ± 0"
-        decimals = max(0, 1 - math.floor(math.log10(self.error)))  # two digits of the error
-        return f"{self.value:.{decimals}f} ± {self.error:.{decimals}f}"
+        decimals = 1 - int(f"{self.error:.1e}".partition("e")[2])  # two digits of the error
+        value, error = (f"{round(each, decimals):.{max(0, decimals)}f}" for each in (self.value, self.error))
+        return f"{value} ± {error}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,18 +8,18 @@ import subprocess
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Self
 
 from bridge.bus.session import free_port
 from bridge.fleet.children.child import start_process
 from bridge.fleet.preflight.ports import HOST, PortUse, conflicts
 from bridge.run.directory import RunDirectory
+from bridge.timeouts import VIEW_S
 
 PORT = 8080
 VIEW_LOG = "view"
 """Of the logs of a run."""
-SERVED_S = 30.0
-"""For the view to start: a run that is looked at does not wait for longer."""
 LOOK_AGAIN_S = 0.1
 END_S = 5.0
 """For the view to end after it was asked to."""
@@ -48,6 +48,7 @@ class ViewProcess:
                 raise NoView("\n".join(taken))
         self.port, self._control = port or free_port(HOST), control
         self._process: subprocess.Popen[bytes] | None = None
+        self._log = Path()
 
     @property
     def address(self) -> str:
@@ -70,17 +71,20 @@ class ViewProcess:
             "--wait",
         ]
         command += ["--control"] if self._control else []
-        with run.log_path(VIEW_LOG).open("wb") as log:
+        self._log = run.log_path(VIEW_LOG)
+        with self._log.open("wb") as log:
             self._process = start_process(command, log)
 
-    async def served(self) -> None:
-        """Wait until it serves, and so has joined the run; or until it has ended, or for SERVED_S."""
+    async def served(self) -> str:
+        """Wait until it serves, and so has joined the run; "", or why it does not: it ended, or took VIEW_S."""
         with suppress(TimeoutError):
-            async with asyncio.timeout(SERVED_S):
+            async with asyncio.timeout(VIEW_S):
                 while self.is_open:
                     if await _answers(self.port):
-                        return
+                        return ""
                     await asyncio.sleep(LOOK_AGAIN_S)
+        what = f"is not served after {VIEW_S:g} s" if self.is_open else "has ended"
+        return f"the view {what}: the run begins without it; its log is {self._log}"
 
     @property
     def is_open(self) -> bool:

@@ -107,7 +107,7 @@ class Px4Stack:
         return set_mode(state, number >> 16 & 0xFF, number >> 24)
 
     def stick_mode(self, state: VehicleState, mode: str) -> str:  # noqa: ARG002
-        """Without a receiver it enters no mode that reads sticks."""
+        """It enters no mode that reads sticks while nobody sends any."""
         return ""
 
     def last_item(self, total: int, mission_state: int) -> int:  # noqa: ARG002
@@ -213,7 +213,7 @@ class Px4Stack:
         begins = replace(
             self.mode_step(state, "AUTO.MISSION"),
             patience_s=MISSION_PATIENCE_S,
-            shown=lambda now: now.mode == "AUTO.MISSION",
+            shown=lambda now: now.mode == "AUTO.MISSION" or (now.mode in last and now.mode != state.mode),
         )
         return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
 

@@ -43,7 +43,7 @@ class _End:
     """Whether it still says that it has reached the last item, of the flight before: PX4 says so ten times, at 1 Hz,
     until it begins anew."""
     begun: bool = False
-    """Whether it was in a mode of the mission."""
+    """Whether it was in a mode of the mission, or has reached an item."""
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""

@@ -28,11 +28,12 @@ from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
-from lostlink.study.settings import by_setting
+from lostlink.study.settings import ALWAYS, BySetting, by_setting
 from lostlink.study.study import Standing, Study
+from lostlink.study.table import TABLE_FILE
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
-COLUMNS_MAX = 8
+COLUMNS_MAX, LINES_MAX = 8, 40
 
 
 @click.command(short_help="Fly many runs: seeds, settings, scenarios; one table at the end.")
@@ -121,17 +122,25 @@ def _print_settings(ours: Study) -> None:
     """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
     settings = by_setting(ours.rows(), list(ours.cases[0].labels), ours.link_columns())
     names = list(settings[0].means)
-    table = Table(box=box.SIMPLE_HEAD, caption_justify="left")
-    if len(names) > COLUMNS_MAX:
-        table.caption = f"{len(names) - COLUMNS_MAX} more columns of numbers are in the table"
+    shown = [*names[: COLUMNS_MAX - len(ALWAYS)], *names[COLUMNS_MAX - len(ALWAYS) :][-len(ALWAYS) :]]
+    table = Table(box=box.SIMPLE_HEAD)
     for label in settings[0].labels:
         table.add_column(label, overflow="fold")
-    for name in ("runs", "passed", *names[:COLUMNS_MAX]):
+    for name in ("runs", "passed", *shown):
         table.add_column(name, justify="right", overflow="fold")
-    for one in settings:
-        means = [str(one.means[name]) for name in names[:COLUMNS_MAX]]
+    for one in settings[:LINES_MAX]:
+        means = [_mean_of(one, name) for name in shown]
         table.add_row(*map(str, one.labels.values()), str(one.runs), str(one.passed), *means)
     print_table(table)
+    for count, what in ((len(names) - len(shown), "numbers"), (len(settings) - LINES_MAX, "settings")):
+        if count > 0:
+            click.echo(f"and {count} more {what}: see {TABLE_FILE}")
+
+
+def _mean_of(one: BySetting, name: str) -> str:
+    """The mean, and of how many runs where not all have the number."""
+    mean = one.means[name]
+    return f"{mean} (n={mean.count})" if 0 < mean.count < one.runs else str(mean)
 
 
 def _tell_not_passed(ours: Study, console: Console) -> None:

@@ -78,7 +78,8 @@ def redecide(
     else:
         _tell(result, out, quiet=quiet)
     is_same_radio = radio is None and seed is None and not settings
-    differs = is_same_radio and bool(result.comparison.changed)
+    comparison = result.comparison
+    differs = is_same_radio and (comparison.changed or not (comparison.is_same or comparison.not_compared))
     sys.exit(DISAGREES if differs or verdict_on(result).outcome is RunOutcome.FAIL else 0)
 
 

@@ -292,8 +292,27 @@ def test_a_mission_whose_mode_no_heartbeat_could_show_counts_as_acknowledged():
     assert flight.execution.events == []
     flight.run(0.3)
     assert [event.phase for event in flight.execution.events] == ["accepted"]
-    flight.run(10.0, mission_state="COMPLETE")
+    flight.run(7.0, mission_state="COMPLETE", heard_ns={0: flight.now_ns})
     assert flight.execution.result is None, "it was never in the mode of a mission"
+    flight.run(4.0)
+    result = flight.execution.result
+    assert (result.outcome, result.reason) == (
+        Outcome.TIMED_OUT,
+        "accepted, but not begun within 10 s of autopilot time: AUTO.LOITER",
+    )
+
+
+def test_a_mission_that_is_in_the_mode_of_its_last_item_at_the_next_heartbeat_was_begun():
+    """A return as its last item, and it is flown from there."""
+    start = replace(HOVERS, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start, 3), start)
+    for command in (None, 176):
+        flight.run(0.2, mission_current=3)
+        flight.execution.on_ack(command, ACCEPTED)
+    flight.run(1.0, mode="AUTO.RTL", heard_ns={0: flight.now_ns + S // 2})
+    assert flight.execution.result is None
+    assert [event.phase for event in flight.execution.events][:1] == ["accepted"]
+    assert len(flight.of("COMMAND_LONG")) == 1, "it is not called back from its return"
 
 
 def refused(commands, clock, after_s):

@@ -18,8 +18,10 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
 from lostlink.reading.rows import DeliveryRows
+from lostlink.redecision.comparison import compare_decisions
 from lostlink.redecision.redecide import Redecision, redecide
 from lostlink.redecision.rewrite import write_deliveries
+from lostlink.redecision.told import sentence
 from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, everybody, flown, scenario_of, truths
 
 NODES = ("0", "1", "2", "gcs")
@@ -221,6 +223,19 @@ def test_another_radio_beside_a_second_network_is_as_a_run_with_it(mtu_bytes: in
     write_deliveries(result, tmp_path / "anew")
     mine, theirs = (DELIVERIES.parquet_path(tmp_path / name) for name in ("anew", "fresh"))
     assert mine.read_bytes() == theirs.read_bytes()
+
+
+def test_what_only_arrives_later_is_not_the_same(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 20)
+    before = DeliveryRows.read(run, [*NODES])
+    arrived_ns = before.columns["arrived_ns"]
+    later = DeliveryRows(
+        before.nodes, before.columns | {"arrived_ns": np.where(arrived_ns < 0, arrived_ns, arrived_ns + 1000)}
+    )
+    same, other = (compare_decisions(before, after, ()) for after in (before, later))
+    assert (same.is_same, other.is_same, other.changed) == (True, False, 0)
+    assert sentence(same).endswith("with their powers and error rates, at the same instants")
+    assert sentence(other).endswith("but not all powers, error rates and instants of arrival")
 
 
 def test_a_killed_run_is_decided_as_far_as_it_goes(tmp_path: Path) -> None:
