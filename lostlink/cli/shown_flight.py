@@ -12,6 +12,7 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.one import understudy_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
+from lostlink.flight.console import plain_console
 from lostlink.flight.flight import Flight
 from lostlink.flight.progress import Progress
 
@@ -33,7 +34,7 @@ class ShownFlight(Flight):
     ) -> dict[str, Any] | None:
         """As `Flight.fly`; None if not even a summary could be written (the error was reported)."""
         if not self.quiet:
-            self.console.print(f"run {self.directory.path}", highlight=False, soft_wrap=True)
+            self.console.print(f"run {self.directory.path}", soft_wrap=True)
         try:
             return self.fly(dirs, replay)
         except (OSError, ValueError) as error:
@@ -63,7 +64,9 @@ def fly(
     """
     if stop_ns is not None:
         scenario = scenario.model_copy(update={"duration_s": stop_ns / 1e9})
-    summary = ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet).fly_and_tell(dirs, replay)
+    summary = ShownFlight(scenario, directory, plain_console(stderr=quiet), quiet=quiet).fly_and_tell(
+        dirs, replay
+    )
     if summary is None:
         raise ValueError(f"{directory.path}: the run left no summary")
     return summary

@@ -15,9 +15,9 @@ WIDE: Final = 1000
 
 def print_table(table: Table) -> None:
     """Print it to stdout."""
-    from rich.console import Console
+    from lostlink.flight.console import plain_console  # rich takes its time
 
-    console = Console(highlight=False, markup=False, emoji=False)  # names are people's: [near], 3:100:7
+    console = plain_console()
     if not console.is_terminal:
         console.width = WIDE
     console.print(table)

@@ -107,7 +107,7 @@ class Progress:
         """Print a line, if this is how it is shown."""
         if self._pulse is not None:
             self._said_s = monotonic()
-            self._console.print(text, highlight=False, soft_wrap=True)
+            self._console.print(text, soft_wrap=True)
 
     def _speak_up(self) -> None:
         """In a thread: when nothing was printed for a while, print what is waited for."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from rich.console import Console
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
@@ -20,6 +19,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
+from lostlink.flight.console import plain_console
 from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
@@ -116,7 +116,7 @@ def fly(
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
     preflight(resolved, dirs)
     run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
-    watcher: Watcher = Silent() if quiet else Progress(Console())
+    watcher: Watcher = Silent() if quiet else Progress(plain_console())
     return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), dirs))
 
 

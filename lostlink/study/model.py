@@ -97,8 +97,12 @@ class StudyFile(_Model):
     @field_validator("vary", mode="before")
     @classmethod
     def _labelled(cls, value: Any) -> Any:
+        if value is None:
+            return {}
         if not isinstance(value, Mapping):
             return value
+        if "seed" in value:
+            raise ValueError("seed is varied by seeds:, as seeds: [1, 2] or seeds: {first: 1, count: 30}")
         return {
             key: _by_label(key, choices) if isinstance(choices, list) else choices
             for key, choices in value.items()

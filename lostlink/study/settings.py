@@ -20,7 +20,7 @@ LEFT_OUT: Final = frozenset(("sim_duration_s", "sent", "delivered", "age_peak_s"
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """Of those runs of a setting that have the number; of one run alone ``error`` is nan."""
+    """Of those runs of a setting that did not fail and have the number; of one run alone ``error`` is nan."""
 
     value: float
     error: float
@@ -75,7 +75,7 @@ def by_setting(
             {name: group[0].get(name) for name in varies},
             len(group),
             sum(row.get("passed") is True for row in group),
-            {name: _mean([row.get(name) for row in group]) for name in columns},
+            {name: _mean([row.get(name) for row in group if not row.get("failure")]) for name in columns},
         )
         for group in groups.values()
     ]

@@ -28,7 +28,14 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         try:
             columns[name] = pa.array(_of_one_kind(values))
         except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
-            raise StudyError(f"column {name} has values of several kinds: {error}") from error
+            kinds = {type(value).__name__: value for value in values if value is not None}
+            found = ", ".join(f"{kind} ({value!r})" for kind, value in kinds.items())
+            raise StudyError(
+                f"column {name} has values of several kinds: {found}; no table was written: a metric has to give one "
+                "kind in all runs"
+            ) from error
+        except OverflowError as error:
+            raise StudyError(f"column {name} has a whole number of more than 64 bits: {error}") from error
     part = path.with_suffix(".part")
     pq.write_table(pa.table(columns), part, compression="zstd")
     part.replace(path)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
-from rich.console import Console
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.course import FleetError
@@ -23,6 +22,7 @@ from lostlink.cli.exits import fail, tell
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
+from lostlink.flight.console import plain_console
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
@@ -176,7 +176,7 @@ def _flight(scenario: Scenario, out: Path, *, quiet: bool) -> ShownFlight:
     """A flight and its directory, which no signal leaves without a summary."""
     with signals_held():
         directory = RunDirectory.create(out, scenario.name)
-        return ShownFlight(scenario, directory, Console(stderr=quiet), quiet=quiet)
+        return ShownFlight(scenario, directory, plain_console(stderr=quiet), quiet=quiet)
 
 
 def _remark(scenario: Scenario) -> None:
@@ -226,13 +226,13 @@ def _tell(
             flight.console.print(bins_table(summary))
         for line in expectation_lines(summary):
             style = "red" if line.startswith("FAILED") else ""
-            flight.console.print(line, highlight=False, soft_wrap=True, markup=False, style=style)
-        flight.console.print(f"{flight.directory.path}", highlight=False, soft_wrap=True)
+            flight.console.print(line, soft_wrap=True, style=style)
+        flight.console.print(f"{flight.directory.path}", soft_wrap=True)
         for warning in summary["warnings"]:
             line = f"warning: {warning}"
-            flight.console.print(line, highlight=False, soft_wrap=True, markup=False, style="yellow")
+            flight.console.print(line, soft_wrap=True, style="yellow")
         for reason in summary["may_not_repeat"]:
-            flight.console.print(f"may not repeat: {reason}", highlight=False, soft_wrap=True)
-        flight.console.print(summary["verdict"], highlight=False, soft_wrap=True, style="bold")
+            flight.console.print(f"may not repeat: {reason}", soft_wrap=True)
+        flight.console.print(summary["verdict"], soft_wrap=True, style="bold")
     if digest:
         click.echo(summary["digest"])

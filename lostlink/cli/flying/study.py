@@ -24,6 +24,7 @@ from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
 from lostlink.cli.shown_table import print_table
+from lostlink.flight.console import plain_console
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
@@ -80,16 +81,16 @@ def study(
       lostlink study range.yaml --lanes 4 --out ~/studies
       lostlink study range.yaml --scheduler tcp://10.0.0.1:8786
     """
-    console = Console(stderr=as_json)
+    console = plain_console(stderr=as_json)
     for number in ending_signals():
         signal.signal(number, _interrupt)
     try:
-        console.print(f"{file}: reads the scenario of each run", highlight=False, soft_wrap=True)
+        console.print(f"{file}: reads the scenario of each run", soft_wrap=True)
         ours = Study(file, out, AutopilotDirs(ardupilot_dir, px4_dir))
         left, measured = ours.left(), len(ours.to_measure())
         again = f", to measure again: {measured}" if measured else ""
         text = f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left) - measured}{again}"
-        console.print(text, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
         if dry_run:
             _tell_plan(ours, console)
             return
@@ -100,7 +101,7 @@ def study(
         table = ours.write()
         if not as_json:
             _print_settings(ours)
-        console.print(f"{table}", highlight=False, soft_wrap=True)
+        console.print(f"{table}", soft_wrap=True)
         _tell_not_passed(ours, console)
         for mistake in ours.draw():
             tell(mistake)
@@ -148,7 +149,7 @@ def _tell_not_passed(ours: Study, console: Console) -> None:
     count = sum(not row["failure"] and not row["passed"] for row in rows)
     if count:
         text = f"{count} of {len(rows)} runs did not pass: see the columns passed and verdict"
-        console.print(text, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
 
 
 def _interrupt(number: int, _: Any) -> None:
@@ -168,7 +169,6 @@ def _tell_plan(ours: Study, console: Console) -> None:
         labels = ", ".join(f"{key} {value}" for key, value in case.labels.items())
         console.print(
             f"{'measure' if case.id in measured else 'to fly ' if case.id in left else 'done   '}  {case.id}  {labels}",
-            highlight=False,
             soft_wrap=True,
         )
 
@@ -188,9 +188,9 @@ def _show(news: Iterator[Standing], console: Console) -> int:
             bar.update(task, completed=standing.done, total=standing.count)
             if standing.failure and standing.case is not None:
                 labels = ", ".join(f"{key} {value}" for key, value in standing.case.labels.items())
-                console.print(f"failed: {labels}: {standing.failure}", highlight=False, soft_wrap=True)
+                console.print(f"failed: {labels}: {standing.failure}", soft_wrap=True)
             elif not console.is_terminal and line.is_due():
-                console.print(_line(standing, ready_at), highlight=False, soft_wrap=True)
+                console.print(_line(standing, ready_at), soft_wrap=True)
     return failed
 
 

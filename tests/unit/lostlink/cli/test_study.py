@@ -81,6 +81,24 @@ def test_json_has_null_for_what_is_no_number(file: Path) -> None:
     ]
 
 
+def test_labels_and_names_of_files_are_no_markup(file: Path) -> None:
+    text = file.read_text(encoding="utf-8").replace(
+        "seeds: [1, 2]", 'vary: {radio: {"[/x] far": perfect, ":boom:": disk}}'
+    )
+    file.write_text(text, encoding="utf-8")
+    done = run(file, "--dry-run")
+    assert done.exit_code == 0, done.output
+    assert "radio [/x] far, seed 1" in done.stdout
+    assert "radio :boom:, seed 1" in done.stdout
+
+
+def test_seeds_are_not_varied(file: Path) -> None:
+    file.write_text("schema: 1\nname: mine\nscenario: separation\nvary: {seed: [1, 2]}\n", encoding="utf-8")
+    done = run(file, "--dry-run")
+    assert done.exit_code == 2
+    assert "vary: seed is varied by seeds:, as seeds: [1, 2]" in done.stderr
+
+
 def test_figures_without_pandas_are_refused_before_anything_flies(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
