@@ -152,8 +152,8 @@ def run(
     _check(as_json=as_json, digest=digest, control=control, view=view, zenoh=asked["zenoh"])
     try:
         resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
-        preflight(resolved, dirs)
         viewing = ViewProcess(view_port, control=control) if view else None
+        preflight(resolved, dirs)
         flight = _flight(resolved, out, quiet=as_json or quiet)
     except (ScenarioError, FleetError, NoView) as error:
         fail(error)
