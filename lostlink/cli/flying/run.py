@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, get_args
 
@@ -205,8 +205,9 @@ def _changes(*, view: bool, udp_out: tuple[str, ...], **asked: Any) -> dict[str,
 def _keep(viewing: ViewProcess, run: RunDirectory) -> None:
     """Let the view go on after the run, as long as somebody looks."""
     if viewing.is_open:
-        click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
-        viewing.wait()
+        with suppress(SystemExit):  # a signal ends the view: the run was over
+            click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
+            viewing.wait()
     elif viewing.has_failed:
         tell(f"the view ended before the run; its log is {run.log_path(VIEW_LOG)}")
 

@@ -172,6 +172,19 @@ def watch(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_who_ends_the_view_that_stays_does_not_interrupt_the_run(start_run: StartRun, number: int) -> None:
+    run = start_run("--view", "--view-port", "0", speed="max", duration_s=2.0)
+    address = address_of(run)
+    run.wait_for("sim time")
+    with connect(f"ws://{address}/frames", open_timeout=5):
+        run.wait_for("the view stays")
+        run.process.send_signal(number)
+        assert run.finish() == 0, run.output.decode()
+    assert run.summary["ending"] == "duration"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_run_that_is_looked_at_is_the_same_run(start_run: StartRun, processes: str) -> None:
     alone = start_run("--digest", speed="max", duration_s=20.0)
