@@ -141,7 +141,7 @@ def _abused(
     assert abuser.stdin is not None
     print("go", file=abuser.stdin, flush=True)
     told = json.loads(line_of(watching))
-    abuser.wait()  # on a busy machine it may still be at it: what is counted is of all that it does
+    abuser.wait(60.0)  # on a busy machine it may still be at it: what is counted is of all that it does
     control = {} if alone else {f"control_{name}": value for name, value in told[1].items()}
     shown = next(answer for answer in ask(status_directory()) if answer["name"] == str(port))["statistics"]
     counted = {**shown["client_totals"], "turned_away": shown["turned_away"], "accepted": shown["accepted"]}

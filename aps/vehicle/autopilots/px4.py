@@ -30,6 +30,7 @@ MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
 """Of COMMAND_INT. Most versions do not look at it; some of early 2026 take no other."""
+ITEM_REACHED: Final = 46
 NO_MISSION: Final = 0xFFFF
 """MISSION_CURRENT.total without a mission."""
 
@@ -213,7 +214,7 @@ class Px4Stack:
         begins = replace(
             self.mode_step(state, "AUTO.MISSION"),
             patience_s=MISSION_PATIENCE_S,
-            shown=lambda now: now.mode == "AUTO.MISSION" or (now.mode in last and now.mode != state.mode),
+            shown=lambda now: _began(state, now),
         )
         return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
 
@@ -238,6 +239,17 @@ class Px4Stack:
             )
         command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
         return command_long(state, command, 0.0 if kind == "air" else 1.0, speed_mps, -1.0)
+
+
+def _began(start: VehicleState, now: VehicleState) -> bool:
+    """Whether a mission was begun, or somebody has taken over since: only a mode that stayed is asked for again.
+
+    From AUTO.TAKEOFF it goes on to hold of itself.
+    """
+    stays = {start.mode, HOLD} if start.mode == "AUTO.TAKEOFF" else {start.mode}
+    repeats_last = start.mission_reached >= 0 and start.mission_reached == start.mission_total
+    reached = now.heard_ns.get(ITEM_REACHED, -1) > start.heard_ns.get(ITEM_REACHED, -1) and not repeats_last
+    return now.mode == "AUTO.MISSION" or now.mode not in stays or reached
 
 
 def _armed(state: VehicleState, verb: str) -> None:

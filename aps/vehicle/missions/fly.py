@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -42,8 +43,9 @@ class _End:
     is_stale: bool
     """Whether it still says that it has reached the last item, of the flight before: PX4 says so ten times, at 1 Hz,
     until it begins anew."""
+    shown: Callable[[VehicleState], bool] | None
+    """What else than a mode of the mission or an item that is reached shows that it was begun."""
     begun: bool = False
-    """Whether it was in a mode of the mission, or has reached an item."""
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
@@ -51,6 +53,7 @@ class _End:
     def is_there(self, now: VehicleState) -> bool:
         reached_ns = now.heard_ns.get(_ITEM_REACHED, -1)
         self.begun |= now.mode in self.modes or (reached_ns > self.reached_ns and not self.is_stale)
+        self.begun |= self.shown is not None and self.shown(now)
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
             self.started_reached_ns = reached_ns
@@ -83,6 +86,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         way.return_modes,
         first_seq(KINDS["mission"], state.autopilot),
         state.mission_reached >= 0 and state.mission_reached == state.mission_total,
+        way.steps[-1].shown,
     )
     return CommandPlan(
         "mission",

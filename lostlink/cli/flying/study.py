@@ -123,7 +123,8 @@ def _print_settings(ours: Study) -> None:
     """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
     settings = by_setting(ours.rows(), list(ours.cases[0].labels), ours.link_columns())
     names = list(settings[0].means)
-    shown = [*names[: COLUMNS_MAX - len(ALWAYS)], *names[COLUMNS_MAX - len(ALWAYS) :][-len(ALWAYS) :]]
+    always = [name for name in names if name in ALWAYS]
+    shown = [*[name for name in names if name not in ALWAYS][: COLUMNS_MAX - len(always)], *always]
     table = Table(box=box.SIMPLE_HEAD)
     for label in settings[0].labels:
         table.add_column(label, overflow="fold")

@@ -174,7 +174,7 @@ def watch(
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_who_ends_the_view_that_stays_does_not_interrupt_the_run(start_run: StartRun, number: int) -> None:
-    run = start_run("--view", "--view-port", "0", speed="max", duration_s=2.0)
+    run = start_run("--view", "--view-port", "0", speed="1", duration_s=6.0)
     address = address_of(run)
     run.wait_for("sim time")
     with connect(f"ws://{address}/frames", open_timeout=5):

@@ -33,7 +33,7 @@ class Flown(threading.Thread):
     """A flight in a thread of its own, whose view joins as ``view`` has it."""
 
     def __init__(self, folder: Path, slot: int, how: How, view: Callable[[], Any]) -> None:
-        super().__init__()
+        super().__init__(daemon=True)
         text = STILL.format(speed="max", duration_s=1.0, slot=slot)
         text += f"processes: {'many' if how == 'many' else 'one'}\n"
         scenario = parse_scenario(text, "still.yaml", folder)
@@ -76,5 +76,6 @@ def test_a_run_flies_without_a_view_that_does_not_come_and_says_so(
     flown = Flown(tmp_path, free_slot(2), how, view)
     flown.start()
     flown.join(TIMEOUT_S)
+    assert not flown.is_alive()
     assert flown.errors.texts == ["the view has ended"]
     assert (flown.summary["ending"], flown.summary["sim_duration_s"]) == ("duration", 1.0)

@@ -283,6 +283,42 @@ def test_a_mission_acknowledged_that_px4_never_begins_is_refused():
     assert asked == 2  # at 0 and 1.25 s: heartbeats come each second
 
 
+def begun_from(mode):
+    """A flight whose mission was acknowledged, and a heartbeat before that."""
+    start = replace(HOVERS, mode=mode, mission_current=0, mission_total=2, heard_ns={0: S // 20})
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(0.1)
+    return flight
+
+
+def test_a_takeoff_that_goes_on_to_hold_is_no_begun_mission():
+    flight = begun_from("AUTO.TAKEOFF")
+    flight.run(1.0, mode="AUTO.LOITER", heard_ns={0: S})
+    assert flight.execution.events == []
+    assert len(flight.of("COMMAND_LONG")) == 2, "it is asked for again"
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(0.1, mode="AUTO.MISSION", heard_ns={0: 2 * S})
+    assert [event.phase for event in flight.execution.events] == ["accepted"]
+
+
+def test_a_pilot_who_takes_over_is_not_overruled():
+    flight = begun_from("AUTO.LOITER")
+    flight.run(3.0, mode="POSCTL", heard_ns={0: S})
+    assert len(flight.of("COMMAND_LONG")) == 1
+    assert str(flight.execution.result) == "mission interrupted: mode changed to POSCTL"
+
+
+def test_a_mission_shorter_than_a_heartbeats_period_is_not_begun_again():
+    flight = begun_from("AUTO.LOITER")
+    flight.run(
+        6.0, mission_state="COMPLETE", mission_reached=2, mission_current=2, heard_ns={0: S, 46: S // 2}
+    )
+    assert flight.execution.result.reached
+    assert len(flight.of("COMMAND_LONG")) == 1
+
+
 def test_a_mission_whose_mode_no_heartbeat_could_show_counts_as_acknowledged():
     start = replace(HOVERS, mission_current=0, mission_total=2)
     flight = Flight(fly.fly(start), start)
@@ -309,8 +345,10 @@ def test_a_mission_that_is_in_the_mode_of_its_last_item_at_the_next_heartbeat_wa
     for command in (None, 176):
         flight.run(0.2, mission_current=3)
         flight.execution.on_ack(command, ACCEPTED)
-    flight.run(1.0, mode="AUTO.RTL", heard_ns={0: flight.now_ns + S // 2})
+    flight.run(1.0, mode="AUTO.RTL", mission_state="COMPLETE", heard_ns={0: flight.now_ns + S // 2})
     assert flight.execution.result is None
+    flight.run(5.0)
+    assert flight.execution.result.reached
     assert [event.phase for event in flight.execution.events][:1] == ["accepted"]
     assert len(flight.of("COMMAND_LONG")) == 1, "it is not called back from its return"
 
