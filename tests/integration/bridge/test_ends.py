@@ -33,7 +33,6 @@ ENDS_S = 10.0
 TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
-long = partial(pytest.param, marks=pytest.mark.long)
 both = pytest.mark.parametrize("processes", ["one", "many"])
 slow_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
 
@@ -407,9 +406,9 @@ if {{"run", "bridge.physics.process", "standin"}} & set(sys.orig_argv):
     [
         slow("one", "stand-in", "the stand-in of UA 0 cannot go on: ArithmeticError: a mistake of its own"),
         # Each has it at the same step of its own: which of the two is sooner there is a matter of wall time.
-        long("many", "stand-in", " cannot go on: ArithmeticError: a mistake of its own"),
+        slow("many", "stand-in", " cannot go on: ArithmeticError: a mistake of its own"),
         slow("one", "raises", "ArithmeticError: a mistake of the model"),
-        long("many", "raises", "ArithmeticError: a mistake of the model"),
+        slow("many", "raises", "ArithmeticError: a mistake of the model"),
         ("one", "diverges", "the flight model of UA 1 diverged; its last state is in {logs}/fleet.log"),
         slow(
             "many", "diverges", "the flight model of UA 1 diverged; its last state is in {logs}/physics.log"

@@ -242,7 +242,7 @@ def test_what_comes_out_is_what_arrived_on_the_air(start_run: StartRun) -> None:
     assert "fates are the same, with their powers and error rates" in anew.stdout, anew.stderr
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_station_flies_a_copter_over_three_hops(start_run: StartRun) -> None:
     """300 m away, with radios that reach 150 m: the two between them hand frames on, each once."""
     port = free_port()

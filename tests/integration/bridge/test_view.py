@@ -185,7 +185,7 @@ def test_who_ends_the_view_that_stays_does_not_interrupt_the_run(start_run: Star
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
+@pytest.mark.parametrize("processes", ["one", "many"])
 def test_a_run_that_is_looked_at_is_the_same_run(start_run: StartRun, processes: str) -> None:
     alone = start_run("--digest", speed="max", duration_s=20.0)
     assert alone.finish() == 0, alone.output.decode()

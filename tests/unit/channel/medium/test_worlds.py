@@ -25,7 +25,7 @@ def test_steps_and_rounding_raise_no_alarm(name):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("decorrelation times four", marks=pytest.mark.long),
+        pytest.param("decorrelation times four", marks=pytest.mark.slow),
         "Rayleigh fading redrawn in a hover",
     ],
 )
