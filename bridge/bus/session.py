@@ -272,13 +272,20 @@ def open_client(endpoint: str, credentials: Credentials | None = None, *, timeou
     return _open(settings, lambda: _why_no_client(endpoint, user))
 
 
-def _why_no_client(endpoint: str, user: str) -> str:
+def is_listened_at(endpoint: str) -> bool:
+    """Whether somebody takes connections at an endpoint, as ``tcp/127.0.0.1:7447``."""
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     try:
         with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
-            return f"the Zenoh router at {endpoint} does not let {user} in"
+            return True
     except (OSError, ValueError):
-        return f"no Zenoh router answers at {endpoint}"
+        return False
+
+
+def _why_no_client(endpoint: str, user: str) -> str:
+    if is_listened_at(endpoint):
+        return f"the Zenoh router at {endpoint} does not let {user} in"
+    return f"no Zenoh router answers at {endpoint}"
 
 
 def _open(settings: list[tuple[str, Any]], failure: Callable[[], str]) -> Session:

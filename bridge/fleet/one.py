@@ -11,7 +11,7 @@ from contextlib import suppress
 from importlib import import_module
 
 from bridge.bus.messages import Message
-from bridge.bus.pipe import GO, PipeReader
+from bridge.bus.supervisor_socket import GO, SampleReader
 from bridge.fleet.arrangement import Arrangement
 from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.children.crew import Crew
@@ -65,7 +65,7 @@ class OneProcess(_OneProgram):
 
     async def start(self) -> None:
         """Start the program."""
-        self._samples, self._closed = PipeReader(), asyncio.Event()
+        self._samples, self._closed = SampleReader(), asyncio.Event()
         self._socket, theirs = socket.socketpair()
         self._socket.setblocking(False)
         asyncio.get_running_loop().add_reader(self._socket, self._read)

@@ -11,8 +11,8 @@ from contextlib import ExitStack
 from functools import partial
 
 from bridge.bus.identity.logins import LoginWatch
-from bridge.bus.pipe import PipeWriter
 from bridge.bus.session import Session, open_router
+from bridge.bus.supervisor_socket import SupervisorSocket
 from bridge.program.program import NAME, Go, Program, Tell
 from bridge.radio.process import login_refused
 from bridge.record.events import Report
@@ -32,9 +32,11 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--glance", action="store_true", help="tell of states and links, too")
     arguments = parser.parse_args(words)
     run = log_to_files(arguments)
-    pipe = PipeWriter(arguments.tell_fd)
+    supervisor = SupervisorSocket(arguments.tell_fd)
     try:
-        return run_until_stopped(partial(fly, run, pipe.put, pipe.told_to_go, looks=arguments.glance))
+        return run_until_stopped(
+            partial(fly, run, supervisor.put, supervisor.told_to_go, looks=arguments.glance)
+        )
     except (FdmError, StandinError) as error:
         log = logging.getLogger(NAME)
         if isinstance(error, StandinError):

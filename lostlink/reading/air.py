@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.record.tables.deliveries import delays_s
 from bridge.scenario.model import Scenario
 from lostlink.reading.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
@@ -195,9 +196,9 @@ class Delays(NamedTuple):
 
 def delays_of(rows: DeliveryRows) -> Delays:
     """The delays in rows with `NEEDED`, one for each receiver. With `ideal` all are 0: latency is another figure."""
-    came = np.flatnonzero(rows.is_delivered & (rows.columns["arrived_ns"] >= 0))
-    arrived, sent = (rows.columns[name][came] for name in ("arrived_ns", "sim_time_ns"))
-    return Delays(arrived, (arrived - sent) / NS_PER_S)
+    delay_s = delays_s(rows.columns)
+    came = np.flatnonzero(~np.isnan(delay_s))
+    return Delays(rows.columns["arrived_ns"][came], delay_s[came])
 
 
 def quantiles(place: NDArray[np.intp], values: Numbers, periods: int) -> Numbers:

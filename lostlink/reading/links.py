@@ -54,14 +54,15 @@ def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
         "rx": rx,
         "sent": counts["sent"],
         "delivered": counts["delivered"],
-        **{name: _means(columns[name], place, len(bins)) for name in FIGURES},
+        **{name: means(columns[name], place, len(bins)) for name in FIGURES},
     }
 
 
-def _means(values: NDArray[np.float64], place: NDArray[np.intp], groups: int) -> NDArray[np.float64]:
+def means(values: NDArray[np.float64], place: NDArray[np.integer], groups: int) -> NDArray[np.float64]:
+    """The mean of each group's finite values, shape (groups,); nan of none. ``place`` is each value's group."""
     known = np.isfinite(values)
     total = np.bincount(place[known], values[known], groups)
     count = np.bincount(place[known], minlength=groups)
-    means = np.full(groups, np.nan)
-    np.divide(total, count, out=means, where=count > 0)
-    return means
+    found = np.full(groups, np.nan)
+    np.divide(total, count, out=found, where=count > 0)
+    return found

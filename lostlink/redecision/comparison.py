@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from bridge.record.tables.deliveries import FATES, FIGURES, delays_s
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
+from lostlink.reading.links import means
 from lostlink.reading.rows import DeliveryRows
 
 
@@ -144,7 +146,7 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
                 int(is_now[DELIVERED]),
                 _lost(was),
                 _lost(is_now),
-                *(means[link] for means in delays),
+                *(side[link] for side in delays),
             )
         )
     return tuple(sorted(found, key=lambda link: (link.tx, link.rx)))
@@ -152,14 +154,8 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
 
 def _mean_delays_s(rows: DeliveryRows, count: int) -> list[float | None]:
     """Of each link; None where nothing was delivered."""
-    delay_s = delays_s(rows.columns)
-    came = ~np.isnan(delay_s)
-    link = rows.link[came]
-    sums, numbers = np.bincount(link, delay_s[came], count), np.bincount(link, minlength=count)
-    return [
-        total / number if number else None
-        for total, number in zip(sums.tolist(), numbers.tolist(), strict=True)
-    ]
+    found = means(delays_s(rows.columns), rows.link, count).tolist()
+    return [None if math.isnan(mean_s) else mean_s for mean_s in found]
 
 
 def _lost(counts: NDArray[np.int64]) -> dict[str, int]:

@@ -88,17 +88,12 @@ def _link_row(name: str, links: Sequence[LinkChange]) -> tuple[str, ...]:
         sum(counts) for counts in zip(*((k.delivered_before, k.delivered_after) for k in links), strict=True)
     )
     lost = _lost(link.lost_before for link in links), _lost(link.lost_after for link in links)
-    means = (
-        _delay_ms((link.delivered_before, link.delay_mean_before_s) for link in links),
-        _delay_ms((link.delivered_after, link.delay_mean_after_s) for link in links),
+    delays_s = (
+        _mean((link.delivered_before, link.delay_mean_before_s) for link in links),
+        _mean((link.delivered_after, link.delay_mean_after_s) for link in links),
     )
-    return name, str(sent), str(before), str(after), *lost, *means
-
-
-def _delay_ms(links: Iterable[tuple[int, float | None]]) -> str:
-    known = [(count, mean_s) for count, mean_s in links if mean_s is not None]
-    delivered = sum(count for count, _ in known)
-    return f"{1e3 * sum(count * mean_s for count, mean_s in known) / delivered:.2f}" if delivered else "-"
+    delays_ms = ("-" if mean_s is None else f"{1e3 * mean_s:.2f}" for mean_s in delays_s)
+    return name, str(sent), str(before), str(after), *lost, *delays_ms
 
 
 def _lost(counts: Iterable[dict[str, int]]) -> str:
@@ -125,11 +120,14 @@ def _bins_table(bins: Sequence[BinChange]) -> Table:
         after = [(row.sent_after, row.measured_after) for row in rows]
         predicted = [(row.sent_after, row.predicted_after) for row in rows]
         sent = sum(row.sent_after for row in rows)
-        shares = (_mean(before), _mean(after), _mean(predicted))
+        means = (_mean(before), _mean(after), _mean(predicted))
+        shares = ("-" if share is None else f"{share:.3f}" for share in means)
         table.add_row(f"{start_m:.0f}-{rows[0].distance_max_m:.0f}", str(sent), *shares)
     return table
 
 
-def _mean(rows: Sequence[tuple[int, float | None]]) -> str:
-    sent = sum(count for count, share in rows if share is not None)
-    return f"{sum(count * share for count, share in rows if share is not None) / sent:.3f}" if sent else "-"
+def _mean(means: Iterable[tuple[int, float | None]]) -> float | None:
+    """The mean over all, of those of parts with their counts."""
+    known = [(count, mean) for count, mean in means if mean is not None]
+    total = sum(count for count, _ in known)
+    return sum(count * mean for count, mean in known) / total if total else None

@@ -49,6 +49,11 @@ class Case:
     labels: Labels
     scenario: Scenario
 
+    @property
+    def title(self) -> str:
+        """Its labels, for people."""
+        return _told(self.labels)
+
 
 def cases_of(study: StudyFile, folder: Path) -> list[Case]:
     """All runs of a study, in the order of its file; seeds vary fastest.
@@ -69,9 +74,7 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
                 f"scenario: {files[name]} and {place} are both called {name}: give one another name"
             )
         if case.id in cases:
-            raise StudyError(
-                f"{_told(cases[case.id].labels)} and {_told(case.labels)} are the same run: {case.id}"
-            )
+            raise StudyError(f"{cases[case.id].title} and {case.title} are the same run: {case.id}")
         cases[case.id] = case
         if len(cases) > RUNS_MAX:
             raise StudyError(f"more than {RUNS_MAX} runs")

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-__all__ = ["ALWAYS", "BySetting", "Mean", "by_setting"]
+__all__ = ["ALWAYS", "BySetting", "Mean", "by_setting", "mean_of"]
 
 SEED: Final = "seed"
 ALWAYS: Final = ("delivery", "age_mean_s", "separation_min_m")
@@ -75,7 +75,7 @@ def by_setting(
             {name: group[0].get(name) for name in varies},
             len(group),
             sum(row.get("passed") is True for row in group),
-            {name: _mean([row.get(name) for row in group if not row.get("failure")]) for name in columns},
+            {name: mean_of([row.get(name) for row in group if not row.get("failure")]) for name in columns},
         )
         for group in groups.values()
     ]
@@ -94,7 +94,8 @@ def _number(value: object) -> float | None:
     return float(value)
 
 
-def _mean(values: Sequence[object]) -> Mean:
+def mean_of(values: Sequence[object]) -> Mean:
+    """Mean of those that are finite numbers."""
     numbers = [number for value in values if (number := _number(value)) is not None]
     if not numbers:
         return Mean(math.nan, math.nan, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import permutations
@@ -112,20 +112,17 @@ class Study:
 
     def link_columns(self) -> set[str]:
         """Columns of single links."""
-        return {
-            link_column(*link)
-            for case in self.cases
-            for link in permutations(case.scenario.transceiver_ids, 2)
-        }
+        fleets = {case.scenario.transceiver_ids for case in self.cases}
+        return {link_column(*link) for nodes in fleets for link in permutations(nodes, 2)}
 
-    def write(self) -> Path:
-        """Write the table; gives its file.
+    def write(self, rows: Sequence[Mapping[str, Any]]) -> Path:
+        """Write the table, whose rows these are; gives its file.
 
         Raises:
             StudyError, OSError: it cannot be written.
         """
         table = self.directory / TABLE_FILE
-        write_table(self.rows(), table)
+        write_table(rows, table)
         return table
 
     def draw(self) -> Iterator[str]:

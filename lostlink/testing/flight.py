@@ -151,7 +151,7 @@ class FleetFlight:
                 )
             await asyncio.sleep(LOOK_S)
 
-    def has_begun(self) -> None:
+    def check_begun(self) -> None:
         """Of a flight that is over: see that it had a first tick.
 
         Raises:
@@ -276,7 +276,7 @@ class Flights:
         """Fly a scenario to its end, for a test that is not async; arguments and errors as of a call."""
         flight = self.start(scenario, **given)
         flight.result()
-        flight.has_begun()
+        flight.check_begun()
         return flight
 
     def start(

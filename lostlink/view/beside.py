@@ -8,10 +8,9 @@ import subprocess
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Self
 
-from bridge.bus.session import free_port
+from bridge.bus.session import free_port, is_listened_at
 from bridge.fleet.children.child import start_process
 from bridge.fleet.preflight.ports import HOST, PortUse, conflicts
 from bridge.run.directory import RunDirectory
@@ -48,7 +47,6 @@ class ViewProcess:
                 raise NoView("\n".join(taken))
         self.port, self._control = port or free_port(HOST), control
         self._process: subprocess.Popen[bytes] | None = None
-        self._log = Path()
 
     @property
     def address(self) -> str:
@@ -71,20 +69,19 @@ class ViewProcess:
             "--wait",
         ]
         command += ["--control"] if self._control else []
-        self._log = run.log_path(VIEW_LOG)
-        with self._log.open("wb") as log:
+        with run.log_path(VIEW_LOG).open("wb") as log:
             self._process = start_process(command, log)
 
-    async def served(self) -> str:
+    async def served(self, run: RunDirectory) -> str:
         """Wait until it serves, and so has joined the run; "", or why it does not: it ended, or took VIEW_S."""
         with suppress(TimeoutError):
             async with asyncio.timeout(VIEW_S):
                 while self.is_open:
-                    if await _answers(self.port):
+                    if await asyncio.to_thread(is_listened_at, f"tcp/{HOST}:{self.port}"):
                         return ""
                     await asyncio.sleep(LOOK_AGAIN_S)
         what = f"is not served after {VIEW_S:g} s" if self.is_open else "has ended"
-        return f"the view {what}: the run begins without it; its log is {self._log}"
+        return f"the view {what}: the run begins without it; its log is {run.log_path(VIEW_LOG)}"
 
     @property
     def is_open(self) -> bool:
@@ -112,14 +109,6 @@ class ViewProcess:
             self._process.wait(END_S)
         self._process.kill()
         self._process.wait()
-
-
-async def _answers(port: int) -> bool:
-    with suppress(OSError):
-        _, writer = await asyncio.open_connection(HOST, port)
-        writer.close()
-        return True
-    return False
 
 
 def check_installed() -> None:

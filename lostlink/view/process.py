@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from aps.api.guard import ApiConfig
 from bridge.agents.frames import Frames
 from bridge.bus.identity.keyring import OBSERVERS
 from bridge.bus.identity.roster import OPERATOR
+from bridge.bus.session import is_listened_at
 from bridge.run.access import Access, access_of, endpoint_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
@@ -73,16 +73,10 @@ async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> bool:
         if run.is_over:
             return False
         with suppress(OSError, ValueError):
-            if await asyncio.to_thread(_answers, endpoint_of(run)):
+            if await asyncio.to_thread(is_listened_at, endpoint_of(run)):
                 return True
         await asyncio.sleep(LOOK_AGAIN_S)
     return not stop.is_set()
-
-
-def _answers(endpoint: str) -> bool:
-    host, _, port = endpoint.partition("/")[2].rpartition(":")
-    with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
-        return True
 
 
 async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Event) -> None:

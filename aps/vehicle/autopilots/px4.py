@@ -16,6 +16,7 @@ from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw, global_setpoint, offset_deg
 from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_int, command_long, set_mode
+from aps.vehicle.missions.reached import reached_since
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
@@ -30,7 +31,6 @@ MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
 """Of COMMAND_INT. Most versions do not look at it; some of early 2026 take no other."""
-ITEM_REACHED: Final = 46
 NO_MISSION: Final = 0xFFFF
 """MISSION_CURRENT.total without a mission."""
 
@@ -247,9 +247,7 @@ def _began(start: VehicleState, now: VehicleState) -> bool:
     From AUTO.TAKEOFF it goes on to hold of itself.
     """
     stays = {start.mode, HOLD} if start.mode == "AUTO.TAKEOFF" else {start.mode}
-    repeats_last = start.mission_reached >= 0 and start.mission_reached == start.mission_total
-    reached = now.heard_ns.get(ITEM_REACHED, -1) > start.heard_ns.get(ITEM_REACHED, -1) and not repeats_last
-    return now.mode == "AUTO.MISSION" or now.mode not in stays or reached
+    return now.mode == "AUTO.MISSION" or now.mode not in stays or reached_since(start, now)
 
 
 def _armed(state: VehicleState, verb: str) -> None:

@@ -12,6 +12,7 @@ from aps.vehicle.commands import CommandPlan, Step
 from aps.vehicle.flight.plans import circles_home
 from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
+from aps.vehicle.missions.reached import reached_ns, reached_since, repeats_last
 from aps.vehicle.state import VehicleState
 
 __all__ = ["fly", "set_current"]
@@ -22,7 +23,6 @@ STALE_S: Final = 5.0
 was short), not the one before."""
 LAST_ITEM_GRACE_MS: Final = 1500
 """Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
-_ITEM_REACHED: Final = 46
 
 
 @dataclass
@@ -41,31 +41,31 @@ class _End:
     lowest: int
     """Number of the first item."""
     is_stale: bool
-    """Whether it still says that it has reached the last item, of the flight before: PX4 says so ten times, at 1 Hz,
-    until it begins anew."""
-    shown: Callable[[VehicleState], bool] | None
-    """What else than a mode of the mission or an item that is reached shows that it was begun."""
+    """Whether it still repeats that it has reached the last item, of the flight before."""
+    began: Callable[[VehicleState], bool]
+    """Whether a state shows that it was begun."""
     begun: bool = False
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
 
     def is_there(self, now: VehicleState) -> bool:
-        reached_ns = now.heard_ns.get(_ITEM_REACHED, -1)
-        self.begun |= now.mode in self.modes or (reached_ns > self.reached_ns and not self.is_stale)
-        self.begun |= self.shown is not None and self.shown(now)
+        last_reached_ns = reached_ns(now)
+        self.begun |= self.began(now)
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
-            self.started_reached_ns = reached_ns
+            self.started_reached_ns = last_reached_ns
         if now.mission_state == "COMPLETE":
             return self.started or (self.begun and now.time_boot_ms - self.start_ms > STALE_S * 1000.0)
         if not self.started or now.mission_total < self.lowest:
             return False
-        self.is_stale &= now.mission_current >= now.mission_total and reached_ns == self.started_reached_ns
+        self.is_stale &= (
+            now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
+        )
         at_last = now.mission_total <= now.mission_current
         landed = at_last and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
-        newly_reached = reached_ns > self.reached_ns and not self.is_stale
+        newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
         return landed or returned or (newly_reached and now.mission_reached == now.mission_total)
 
 
@@ -81,12 +81,12 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
     before = () if first is None else (_current_step(state, first),)
     end = _End(
         state.time_boot_ms,
-        state.heard_ns.get(_ITEM_REACHED, -1),
+        reached_ns(state),
         way.modes,
         way.return_modes,
         first_seq(KINDS["mission"], state.autopilot),
-        state.mission_reached >= 0 and state.mission_reached == state.mission_total,
-        way.steps[-1].shown,
+        repeats_last(state),
+        way.steps[-1].shown or (lambda now: now.mode in way.modes or reached_since(state, now)),
     )
     return CommandPlan(
         "mission",

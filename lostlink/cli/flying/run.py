@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -163,7 +164,7 @@ def run(
     with ExitStack() as beside:
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
-            flight.view = viewing.served
+            flight.view = partial(viewing.served, flight.directory)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)

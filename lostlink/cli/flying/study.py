@@ -87,10 +87,7 @@ def study(
     try:
         console.print(f"{file}: reads the scenario of each run", soft_wrap=True)
         ours = Study(file, out, AutopilotDirs(ardupilot_dir, px4_dir))
-        left, measured = ours.left(), len(ours.to_measure())
-        again = f", to measure again: {measured}" if measured else ""
-        text = f"{ours.directory}: runs: {len(ours.cases)}, to fly: {len(left) - measured}{again}"
-        console.print(text, soft_wrap=True)
+        left = _tell_left(ours, console)
         if dry_run:
             _tell_plan(ours, console)
             return
@@ -98,11 +95,12 @@ def study(
         if left:
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
-        table = ours.write()
+        rows = ours.rows()
+        table = ours.write(rows)
         if not as_json:
-            _print_settings(ours)
+            _print_settings(ours, rows)
         console.print(f"{table}", soft_wrap=True)
-        _tell_not_passed(ours, console)
+        _tell_not_passed(rows, console)
         for mistake in ours.draw():
             tell(mistake)
             failed += 1
@@ -114,14 +112,14 @@ def study(
         click.echo("interrupted: start it again to go on", err=True)
         sys.exit(128 + number)
     if as_json:
-        for row in ours.rows():
+        for row in rows:
             click.echo(json.dumps(plain(row)))
     sys.exit(EXIT_FAILED if failed else 0)
 
 
-def _print_settings(ours: Study) -> None:
+def _print_settings(ours: Study, rows: list[dict[str, Any]]) -> None:
     """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
-    settings = by_setting(ours.rows(), list(ours.cases[0].labels), ours.link_columns())
+    settings = by_setting(rows, list(ours.cases[0].labels), ours.link_columns())
     names = list(settings[0].means)
     always = [name for name in names if name in ALWAYS]
     shown = [*[name for name in names if name not in ALWAYS][: COLUMNS_MAX - len(always)], *always]
@@ -134,6 +132,7 @@ def _print_settings(ours: Study) -> None:
         means = [_mean_of(one, name) for name in shown]
         table.add_row(*map(str, one.labels.values()), str(one.runs), str(one.passed), *means)
     print_table(table)
+    click.echo("means over the seeds ± standard error")
     for count, what in ((len(names) - len(shown), "numbers"), (len(settings) - LINES_MAX, "settings")):
         if count > 0:
             click.echo(f"and {count} more {what}: see {TABLE_FILE}")
@@ -145,8 +144,7 @@ def _mean_of(one: BySetting, name: str) -> str:
     return f"{mean} (n={mean.count})" if 0 < mean.count < one.runs else str(mean)
 
 
-def _tell_not_passed(ours: Study, console: Console) -> None:
-    rows = ours.rows()
+def _tell_not_passed(rows: list[dict[str, Any]], console: Console) -> None:
     count = sum(not row["failure"] and not row["passed"] for row in rows)
     if count:
         text = f"{count} of {len(rows)} runs did not pass: see the columns passed and verdict"
@@ -164,14 +162,20 @@ def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
     return LocalLanes(lanes or min(8, len(os.sched_getaffinity(0))))
 
 
+def _tell_left(ours: Study, console: Console) -> int:
+    """Say how much there is to do; gives how many runs are left."""
+    left, measured = len(ours.left()), len(ours.to_measure())
+    again = f", to measure again: {measured}" if measured else ""
+    text = f"{ours.directory}: runs: {len(ours.cases)}, to fly: {left - measured}{again}"
+    console.print(text, soft_wrap=True)
+    return left
+
+
 def _tell_plan(ours: Study, console: Console) -> None:
     left, measured = {case.id for case in ours.left()}, ours.to_measure()
     for case in ours.cases:
-        labels = ", ".join(f"{key} {value}" for key, value in case.labels.items())
-        console.print(
-            f"{'measure' if case.id in measured else 'to fly ' if case.id in left else 'done   '}  {case.id}  {labels}",
-            soft_wrap=True,
-        )
+        what = "measure" if case.id in measured else "to fly " if case.id in left else "done   "
+        console.print(f"{what}  {case.id}  {case.title}", soft_wrap=True)
 
 
 def _show(news: Iterator[Standing], console: Console) -> int:
@@ -188,8 +192,7 @@ def _show(news: Iterator[Standing], console: Console) -> int:
                 ready_at = monotonic() + (monotonic() - begin) / flown * (standing.count - standing.done)
             bar.update(task, completed=standing.done, total=standing.count)
             if standing.failure and standing.case is not None:
-                labels = ", ".join(f"{key} {value}" for key, value in standing.case.labels.items())
-                console.print(f"failed: {labels}: {standing.failure}", soft_wrap=True)
+                console.print(f"failed: {standing.case.title}: {standing.failure}", soft_wrap=True)
             elif not console.is_terminal and line.is_due():
                 console.print(_line(standing, ready_at), soft_wrap=True)
     return failed

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lostlink.study.settings import Mean, _mean, by_setting
+from lostlink.study.settings import Mean, by_setting, mean_of
 
 LABELS = ["scenario", "case", "radio", "seed"]
 FAR_M = {"a": [10.0, 14.0, 21.0], "b": [5.0, 5.0, float("nan")]}
@@ -46,7 +46,7 @@ def test_settings_are_what_varies_but_the_seed_and_have_means_over_it() -> None:
         (Mean(1234.5, 99.6, 9), "1230 ± 100"),
         (Mean(123456.0, 9960.0, 9), "123000 ± 10000"),
         (Mean(5.0, 0.0996, 9), "5.00 ± 0.10"),
-        (_mean([0.1 + 0.2, 0.3, 0.3]), "0.3 ± 0"),
+        (mean_of([0.1 + 0.2, 0.3, 0.3]), "0.3 ± 0"),
         (Mean(1.0, 0.0, 3), "1 ± 0"),
         (Mean(0.123456, math.nan, 1), "0.1235"),
         (Mean(math.nan, math.nan, 0), ""),

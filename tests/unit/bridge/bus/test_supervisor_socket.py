@@ -7,14 +7,14 @@ import socket
 
 import pytest
 
-from bridge.bus.pipe import GO, PipeWriter
+from bridge.bus.supervisor_socket import GO, SupervisorSocket
 
 
 @pytest.mark.parametrize("says", [True, False])
 async def test_go_is_not_the_end_of_the_supervisor(says: bool) -> None:
     ours, theirs = socket.socketpair()
     with theirs:
-        waits = asyncio.create_task(PipeWriter(theirs.fileno()).told_to_go())
+        waits = asyncio.create_task(SupervisorSocket(theirs.fileno()).told_to_go())
         await asyncio.sleep(0)
         assert not waits.done()
         with ours:

@@ -20,11 +20,11 @@ GO: Final = b"\n"
 _HEAD = struct.Struct("<HI")
 
 
-class PipeWriter:
+class SupervisorSocket:
     """Writes samples; any thread may.
 
     Args:
-        fd: the process's end; this object's from now on.
+        fd: the process's end.
     """
 
     def __init__(self, fd: int) -> None:
@@ -57,7 +57,7 @@ class PipeWriter:
             return False
 
 
-class PipeReader:
+class SampleReader:
     """Takes the bytes of a process, gives samples. No I/O."""
 
     def __init__(self) -> None:
