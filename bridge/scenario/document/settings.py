@@ -80,7 +80,7 @@ def with_settings(root: Written, settings: Iterable[Setting]) -> Written:
     """
     for setting in settings:
         value = written_at(setting.value, WrittenPlace(setting.told_as, None, setting.folder))
-        root = _Setter(setting, value).put(root, (), setting.steps)
+        root = _Setter(root, setting, value).put(root, (), setting.steps)
     return root
 
 
@@ -96,6 +96,7 @@ def _number_if_exponent(value: object) -> object:
 
 @dataclass(frozen=True, slots=True)
 class _Setter:
+    root: Written
     setting: Setting
     value: Written
 
@@ -113,7 +114,7 @@ class _Setter:
         if here.content is None:
             here = replace(here, content={})
         if not here.is_mapping:
-            self._refuse(f"{_dotted(path)} is {here.content!r}, which has no keys")
+            self._refuse(f"{self.root.dotted(path)} is {here.content!r}, which has no keys")
         step = steps[0]
         below = here.get(step) or Written({} if len(steps) > 1 else None, self.value.place)
         return here.having(step, self.put(below, (*path, step), steps[1:]))
@@ -143,12 +144,8 @@ class _Setter:
         if step.isdecimal() and int(step) < len(here.content):
             return int(step)
         there = f"0 to {len(here.content) - 1}" if here.content else "no item at all"
-        self._refuse(f"{_dotted(path)} is a list with {there}; {step!r} is not one of its items")
+        self._refuse(f"{self.root.dotted(path)} is a list with {there}; {step!r} is not one of its items")
         raise AssertionError
 
     def _refuse(self, text: str) -> None:
         raise ScenarioError(f"{self.setting.told_as}: {self.setting.key}: {text}")
-
-
-def _dotted(path: Path_) -> str:
-    return ".".join(str(step) for step in path) or "the scenario"

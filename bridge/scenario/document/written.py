@@ -73,6 +73,14 @@ class Written:
             here = found
         return here
 
+    def dotted(self, path: Path_) -> str:
+        """A path from the scenario itself as settings have it: nodes by id, other lists by index."""
+        if path[:1] == ("nodes",) and len(path) > 1 and path[2:] != ("id",):
+            own = self.at(path[:2]).get("id")
+            if own is not None and isinstance(own.content, str | int):
+                path = ("nodes", own.content, *path[2:])
+        return ".".join(map(str, path)) or "the scenario"
+
     def items(self) -> list[Written]:
         """The items of a list; of anything else none."""
         return list(self.content) if isinstance(self.content, list) else []

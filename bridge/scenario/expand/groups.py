@@ -33,7 +33,7 @@ def with_groups_expanded(root: Written) -> Written:
     nodes = root.get("nodes")
     if nodes is None:
         return root
-    _refuse_patterns_of_one(nodes)
+    _refuse_patterns_of_one(root, nodes)
     if not any(node.get(COUNT) for node in nodes.items()):
         return root
     seed = root.get("seed")
@@ -45,16 +45,14 @@ def with_groups_expanded(root: Written) -> Written:
     return root.having("nodes", replace(nodes, content=expanded))
 
 
-def _refuse_patterns_of_one(nodes: Written) -> None:
+def _refuse_patterns_of_one(root: Written, nodes: Written) -> None:
     for index, node in enumerate(nodes.items()):
         for key in PLACES.values():
             place = node.get(key)
             named = [name for name in PATTERNS if place is not None and place.get(name)]
             if named and place is not None and node.get(COUNT) is None:
-                raise ScenarioError(
-                    f"{place.content[named[0]].place}: nodes.{index}.{key}.{named[0]}: a pattern needs {COUNT} beside "
-                    f"{key}: how many nodes it places"
-                )
+                at, told = place.content[named[0]].place, root.dotted(("nodes", index, key, named[0]))
+                raise ScenarioError(f"{at}: {told}: a pattern needs {COUNT} beside {key}: how many nodes it places")
 
 
 def is_of_a_group(steps: tuple[str, ...]) -> bool:
@@ -164,13 +162,13 @@ class _Group:
         try:
             return replace(part, content=filled(part.content, names))
         except ValueError as error:
-            raise ScenarioError(f"{part.place}: {_dotted(path)}: {error}") from error
+            raise ScenarioError(f"{part.place}: {self._root.dotted(path)}: {error}") from error
 
     def _one_of(self, part: Written, path: Path_, index: int) -> Written:
         written: Written = part.content[EACH]
         values = written.items()
         if not values:
-            key = f"{_dotted(path)}.{EACH}"
+            key = f"{self._root.dotted(path)}.{EACH}"
             raise ScenarioError(f"{written.place}: {key}: has to be a list of values, one for each node")
         return values[index % len(values)]
 
@@ -195,7 +193,7 @@ class _Group:
         try:
             return pattern.spots(count, PlaceDraws(self._seed, str(self._node.content["id"].content)))
         except ValueError as error:
-            raise ScenarioError(f"{written.place}: {_dotted(path)}: {error}") from error
+            raise ScenarioError(f"{written.place}: {self._root.dotted(path)}: {error}") from error
 
     def _refuse_near_misses(self, place: Written, place_key: str) -> None:
         for key in place.keys:
@@ -218,7 +216,7 @@ class _Group:
         return place.without(*PATTERNS)
 
     def _refuse(self, at: Written, below: Path_, text: str) -> NoReturn:
-        raise ScenarioError(f"{at.place}: {_dotted((*self._path, *below))}: {text}")
+        raise ScenarioError(f"{at.place}: {self._root.dotted((*self._path, *below))}: {text}")
 
 
 def _number(place: Written, key: str) -> Any:
@@ -233,7 +231,3 @@ def _is_number(value: object) -> bool:
 
 def _is_whole(value: object) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _dotted(path: Path_) -> str:
-    return ".".join(map(str, path))

@@ -70,7 +70,7 @@ def explained(
         place, text = str(_place(root, spot.path, item["type"])), _problem(item, spot)
         if (place, text) not in told:  # nodes of a group share their lines
             told.add((place, text))
-            yield f"{place}: {'.'.join(map(str, spot.path)) or 'scenario'}: {text}"
+            yield f"{place}: {root.dotted(spot.path)}: {text}"
 
 
 def _place(root: Written, path: Path_, kind: str) -> WrittenPlace:

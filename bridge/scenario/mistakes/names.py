@@ -60,14 +60,14 @@ def with_known_names(root: Written, scenario: Scenario) -> Scenario:
 
 def _told(root: Written, path: Path_, problem: object) -> str:
     """A mistake at the place of a key."""
-    return f"{root.at(path).place}: {'.'.join(map(str, path))}: {problem}"
+    return f"{root.at(path).place}: {root.dotted(path)}: {problem}"
 
 
 def _told_of_file(root: Written, path: Path_, file: object, problem: str) -> str:
     """A mistake in a file that a key names: its own place counts, and who named it comes after."""
     if not problem.startswith(f"{file}:"):
         return _told(root, path, problem)
-    named = f" (named at {root.at(path).place}: {'.'.join(map(str, path))})"
+    named = f" (named at {root.at(path).place}: {root.dotted(path)})"
     return "\n".join(line + named for line in problem.splitlines())
 
 

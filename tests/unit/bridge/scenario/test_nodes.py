@@ -56,24 +56,24 @@ def test_outages_of_a_radio_follow_each_other() -> None:
 @pytest.mark.parametrize(
     ("outages", "key", "says"),
     [
-        ("[{from_s: 2, to_s: 2}]", "nodes.1.radio_off", "to_s 2: has to be above from_s, 2"),
-        ("[{from_s: 2}, {from_s: 3}]", "nodes.1.radio_off", "from_s 3: has to be at or after to_s"),
-        ("[{from_s: 2, to_s: 5}, {from_s: 3}]", "nodes.1.radio_off", "from_s 3: has to be at or after to_s"),
-        ("[{to_s: 3}]", "nodes.1.radio_off.0.from_s", "is required"),
-        ("[{from_s: -1}]", "nodes.1.radio_off.0.from_s", "greater than or equal to 0"),
-        ("[{from_s: 1, until_s: 3}]", "nodes.1.radio_off.0.until_s", "from_s, to_s"),
+        ("[{from_s: 2, to_s: 2}]", "radio_off", "to_s 2: has to be above from_s, 2"),
+        ("[{from_s: 2}, {from_s: 3}]", "radio_off", "from_s 3: has to be at or after to_s"),
+        ("[{from_s: 2, to_s: 5}, {from_s: 3}]", "radio_off", "from_s 3: has to be at or after to_s"),
+        ("[{to_s: 3}]", "radio_off.0.from_s", "is required"),
+        ("[{from_s: -1}]", "radio_off.0.from_s", "greater than or equal to 0"),
+        ("[{from_s: 1, until_s: 3}]", "radio_off.0.until_s", "from_s, to_s"),
     ],
 )
 def test_outages_that_cannot_be_are_refused(outages: str, key: str, says: str) -> None:
-    for node in ("id: gcs, kind: ground", "id: 1"):
+    for name, node in (("gcs", "id: gcs, kind: ground"), ("1", "id: 1")):
         text = mistake(f"{{{node}, radio_off: {outages}, agent: {{type: still}}}}")
-        assert f"{key}:" in text
+        assert f"nodes.{name}.{key}:" in text
         assert says in text
 
 
 def test_an_emitter_has_no_radio_to_switch() -> None:
     emitter = "{id: jam, kind: emitter, frequency_hz: 2.4e+9, power_dbm: 3, radio_off: [{from_s: 1}]}"
-    assert "nodes.1.radio_off: unknown key" in mistake(emitter)
+    assert "nodes.jam.radio_off: unknown key" in mistake(emitter)
 
 
 def test_what_is_read_back_is_the_same() -> None:
@@ -87,27 +87,27 @@ def test_what_is_read_back_is_the_same() -> None:
 @pytest.mark.parametrize(
     ("node", "key", "says"),
     [
-        ("{id: gcs, kind: balloon, agent: {type: still}}", "nodes.1", "kind has to be one of: ua, ground"),
-        ("{id: gcs, kind: ground, agent: {type: hold, altitude_m: 4}}", "nodes.1.agent", "still, free, own"),
-        ("{id: gcs, kind: ground, airframe: f450, agent: {type: still}}", "nodes.1.airframe", "place, track"),
+        ("{id: gcs, kind: balloon, agent: {type: still}}", "nodes.gcs", "kind has to be one of: ua, ground"),
+        ("{id: gcs, kind: ground, agent: {type: hold, altitude_m: 4}}", "nodes.gcs.agent", "still, free, own"),
+        ("{id: gcs, kind: ground, airframe: f450, agent: {type: still}}", "nodes.gcs.airframe", "place, track"),
         ("{id: a/b, kind: ground, agent: {type: still}}", "nodes.1.id", "letters, digits"),
-        ("{id: gcs, kind: ground, radio: nope, agent: {type: still}}", "nodes.1.radio", "nope"),
+        ("{id: gcs, kind: ground, radio: nope, agent: {type: still}}", "nodes.gcs.radio", "nope"),
         ("{id: '0', kind: ground, agent: {type: still}}", "nodes", "id 0 is used more than once"),
         ("{id: all, kind: ground, agent: {type: still}}", "nodes", "id all: that is the address"),
         (
             "{id: gcs, kind: ground, radio: telemetry-915, agent: {type: still}}",
-            "nodes.1.radio",
+            "nodes.gcs.radio",
             "its frequency is 9.15e+08 Hz, that of the run's radio 2.412e+09 Hz",
         ),
-        ("{id: gcs, kind: ground, place: {north_m: 1.0e+300}, agent: {type: still}}", "nodes.1", "1000000"),
+        ("{id: gcs, kind: ground, place: {north_m: 1.0e+300}, agent: {type: still}}", "nodes.gcs", "1000000"),
         (
             "{id: gcs, kind: ground, place: {north_m: 1}, track: [{sim_time_s: 0}], agent: {type: still}}",
-            "nodes.1",
+            "nodes.gcs",
             "place and track: give one of them",
         ),
         (
             "{id: gcs, kind: ground, track: [{sim_time_s: 3}, {sim_time_s: 3}], agent: {type: still}}",
-            "nodes.1",
+            "nodes.gcs",
             "sim_time_s has to rise",
         ),
     ],

@@ -91,12 +91,12 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
 @pytest.mark.parametrize(
     ("old", "new", "key", "says"),
     [
-        ("power_dbm: 20", "power_dbm: 2000", "nodes.0.power_dbm", "less than or equal to 200"),
-        (", power_dbm: 20", "", "nodes.0.power_dbm", "is required"),
-        ("power_dbm: 20", "power_dbm: 20, duty: 2", "nodes.0.duty", "less than or equal to 1"),
-        ("power_dbm: 20", "power_dbm: 20, agent: {type: still}", "nodes.0.agent", "frequency_hz, power_dbm"),
-        ("power_dbm: 20", "power_dbm: 20, antenna: {model: horn}", "nodes.0.antenna", "'sector'"),
-        ("power_dbm: 20", "power_dbm: 20, antenna: {model: sector, gan_db: 1}", "nodes.0.antenna", "gan_db"),
+        ("power_dbm: 20", "power_dbm: 2000", "nodes.beacon.power_dbm", "less than or equal to 200"),
+        (", power_dbm: 20", "", "nodes.beacon.power_dbm", "is required"),
+        ("power_dbm: 20", "power_dbm: 20, duty: 2", "nodes.beacon.duty", "less than or equal to 1"),
+        ("power_dbm: 20", "power_dbm: 20, agent: {type: still}", "nodes.beacon.agent", "frequency_hz, power_dbm"),
+        ("power_dbm: 20", "power_dbm: 20, antenna: {model: horn}", "nodes.beacon.antenna", "'sector'"),
+        ("power_dbm: 20", "power_dbm: 20, antenna: {model: sector, gan_db: 1}", "nodes.beacon.antenna", "gan_db"),
         (
             "power_dbm: 20",
             "power_dbm: 20, antenna: {model: pattern, pattern_file: no.csv}",
@@ -104,8 +104,8 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
             "no.csv",
         ),
         ("id: beacon", "id: '0'", "nodes", "id 0 is used more than once"),
-        ("place: {north_m: 7}", "place: {}, track: [{sim_time_s: 0}]", "nodes.0", "give one of them"),
-        ("place: {north_m: 7}", "track: [{sim_time_s: 3}, {sim_time_s: 3}]", "nodes.0", "has to rise"),
+        ("place: {north_m: 7}", "place: {}, track: [{sim_time_s: 0}]", "nodes.beacon", "give one of them"),
+        ("place: {north_m: 7}", "track: [{sim_time_s: 3}, {sim_time_s: 3}]", "nodes.beacon", "has to rise"),
     ],
 )
 def test_mistakes_in_an_emitter_are_named(old: str, new: str, key: str, says: str) -> None:
@@ -122,7 +122,7 @@ def test_mistakes_in_an_emitter_are_named(old: str, new: str, key: str, says: st
         ("{radio: rf-senser}", "sensor.radio", "did you mean rf-sensor"),
         ("{radio: {preset: rf-sensor, offset_db: x}}", "sensor.radio", "offset_db"),
         ("{identifies: colour}", "sensor.identifies", "'id', 'frequency' or 'none'"),
-        ("{band_hz: [2, 1]}", "nodes.1.sensor", "the lower end comes first"),
+        ("{band_hz: [2, 1]}", "nodes.0.sensor", "the lower end comes first"),
     ],
 )
 def test_mistakes_in_a_sensor_are_named(sensor: str, key: str, says: str) -> None:

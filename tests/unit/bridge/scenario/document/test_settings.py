@@ -78,7 +78,7 @@ def test_values_are_yaml_and_take_the_place_of_what_was_there() -> None:
     [
         ("sead=3", "--set sead=3: sead: unknown key; did you mean seed?"),
         ("seed=x", "--set seed=x: seed: has to be a whole number (got 'x')"),
-        ("nodes.2.home.nort_m=3", "nodes.1.home.nort_m: unknown key; did you mean north_m?"),
+        ("nodes.2.home.nort_m=3", "nodes.2.home.nort_m: unknown key; did you mean north_m?"),
         (
             "nodes.0.home.north_m=3",
             "nodes.0.home.north_m: no node has the id 0; there are: 4, 2, mast.1, and *",

@@ -193,6 +193,13 @@ def test_all_mistakes_are_told_at_once() -> None:
     assert sorted(keys) == ["nodes.0.agent.altitude_m", "nodes.1.home.north_m", "sead"]
 
 
+@pytest.mark.parametrize("key", ["nodes.4.home.north_m", "nodes.5.agent.altitude_m", "nodes.5.radio"])
+def test_a_mistake_in_a_node_is_told_with_the_key_that_sets_it(key: str) -> None:
+    text = RIGHT.replace("id: 1", "id: 5").replace("id: 0", "id: 4").replace("from: 0, to: 1", "from: 4, to: 5")
+    with pytest.raises(ScenarioError, match=rf"override {key}='x': {key}: "):
+        parse_scenario(text, "mine.yaml", overrides={key: "x"})
+
+
 def test_the_place_of_a_mistake_in_a_file_that_is_named_comes_first(tmp_path: Path) -> None:
     folder = tmp_path
     (folder / "air.yaml").write_text("constant:\n  speed: 3\n")
