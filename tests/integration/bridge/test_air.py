@@ -317,7 +317,7 @@ def test_a_medium_of_ones_own(flown: Flown) -> None:
 
 def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
     other = node(1, 50.0) | {"radio": RADIO | {"medium": {"model": "tdma", "slot_s": 0.1}}}
-    text = r"nodes.1.radio: its medium is tdma, that of the run's radio airtime"
+    text = r"nodes.g1.radio: its medium is tdma, that of the run's radio airtime"
     with pytest.raises(ScenarioError, match=text):
         flown([node(0, 0.0), other], {"model": "airtime"})
     with pytest.raises(ScenarioError, match=r"node g7 is not there; there are 0, g1"):

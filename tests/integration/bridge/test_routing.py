@@ -335,6 +335,6 @@ def test_media_without_hops_are_refused(flown: Fly, medium: str, word: str) -> N
 def test_nodes_of_a_network_have_one_way_of_routing(flown: Fly) -> None:
     other = node(1) | {"radio": RADIO | {"medium": AIRTIME}}
     with pytest.raises(
-        ScenarioError, match=r"nodes\.1\.radio: its routing is none, that of the run's radio flood"
+        ScenarioError, match=r"nodes\.g1\.radio: its routing is none, that of the run's radio flood"
     ):
         flown([node(0), other], {"model": "flood"})
