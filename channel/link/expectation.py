@@ -229,18 +229,29 @@ def averaged_over_loss(
 def _smeared(
     grid_db: FloatArray, success: FloatArray, shift_db: FloatArray, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the curve averaged over random shifts of the SNR, on the part of the grid where it changes."""
+    """Return the curve averaged over random shifts of the SNR, on the part of the grid where it changes.
+
+    Between the points of the grid, which is even, the curve is straight, and beyond it as at its ends: each shift
+    moves it by a whole number of steps and a part of one, the same for all points.
+    """
     steps = np.diff(success, prepend=success[0])
     changing = np.flatnonzero(np.abs(steps) > 1e-13)
     if not changing.size:
         return grid_db, success
     low = grid_db[changing[0]] - np.max(shift_db) - 1.0
     high = grid_db[changing[-1]] - np.min(shift_db[weights > 1e-9]) + 1.0
-    part = grid_db[(grid_db >= low) & (grid_db <= high)]
-    out = np.zeros_like(part)
-    for shift, weight in zip(shift_db, weights, strict=True):
-        out += weight * np.interp(part + shift, grid_db, success)
-    return part, np.clip(out, 0.0, 1.0)
+    begin, end = np.searchsorted(grid_db, low), np.searchsorted(grid_db, high, side="right")
+    within, whole = np.modf(shift_db * CURVE_STEPS_PER_DB)
+    first = begin + whole.astype(np.intp) - (within < 0.0)
+    within += within < 0.0
+    before = max(0, -int(np.min(first)))
+    after = max(0, int(np.max(first)) + int(end - begin) + 1 - grid_db.size)
+    curve = np.pad(success, (before, after), mode="edge")
+    out = np.zeros(end - begin)
+    for at, share, weight in zip((first + before).tolist(), within.tolist(), weights.tolist(), strict=True):
+        out += weight * (1.0 - share) * curve[at : at + out.size]
+        out += weight * share * curve[at + 1 : at + 1 + out.size]
+    return grid_db[begin:end], np.clip(out, 0.0, 1.0)
 
 
 def _trimmed(grid_db: FloatArray, success: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -52,7 +52,9 @@ def _refuse_patterns_of_one(root: Written, nodes: Written) -> None:
             named = [name for name in PATTERNS if place is not None and place.get(name)]
             if named and place is not None and node.get(COUNT) is None:
                 at, told = place.content[named[0]].place, root.dotted(("nodes", index, key, named[0]))
-                raise ScenarioError(f"{at}: {told}: a pattern needs {COUNT} beside {key}: how many nodes it places")
+                raise ScenarioError(
+                    f"{at}: {told}: a pattern needs {COUNT} beside {key}: how many nodes it places"
+                )
 
 
 def is_of_a_group(steps: tuple[str, ...]) -> bool:

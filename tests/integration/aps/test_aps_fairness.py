@@ -7,6 +7,7 @@ import socket
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -30,9 +31,15 @@ def own_heap():
     gc.unfreeze()
 
 
+def abuses(*short: str) -> list[Any]:
+    """All abuses, of which those named are shown in short."""
+    rest = (pytest.param(name, marks=pytest.mark.long) for name in ABUSES if name not in {"nobody", *short})
+    return [*short, *rest]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", [pytest.param("clock", marks=pytest.mark.long), "standin"])
-@pytest.mark.parametrize("abuse", [name for name in ABUSES if name != "nobody"])
+@pytest.mark.parametrize("abuse", abuses("0xFD", "stall", "connections"))
 def test_a_witness_loses_nothing_to_an_abuser(abuse, autopilot):
     row = measure(abuse, 3.0, autopilot)
     assert row["growth_mb"] < LIMIT_GROWTH_MB
@@ -43,7 +50,7 @@ def test_a_witness_loses_nothing_to_an_abuser(abuse, autopilot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("abuse", [name for name in ABUSES if name != "nobody"])
+@pytest.mark.parametrize("abuse", abuses("heartbeats", "stall"))
 async def test_no_turn_of_the_event_loop_takes_long(autopilot, connect, abuse, own_heap):
     """What a turn computes, in CPU time: on a machine that is not overloaded, nobody waits longer than that."""
     async with Daemon(DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2)) as daemon:

@@ -128,7 +128,7 @@ def test_one_process_and_many_have_the_same_groups_and_what_reads_a_record_has_t
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_program_beside_the_run_sends_to_a_group_and_hears_what_is_for_its_own(
     start_run: StartRun, processes: str
 ) -> None:

@@ -38,6 +38,7 @@ PROCESSES = {
     "fleet": ("one", PROGRAM),
     "supervisor of one": ("one", ""),
 }
+LIKE_OTHERS = {"router", "supervisor"}
 
 
 def column(run: Run, table: Table, name: str) -> NDArray[Any]:
@@ -47,7 +48,10 @@ def column(run: Run, table: Table, name: str) -> NDArray[Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(KILLS))
-@pytest.mark.parametrize("process", PROCESSES)
+@pytest.mark.parametrize(
+    "process",
+    [pytest.param(name, marks=pytest.mark.long if name in LIKE_OTHERS else ()) for name in PROCESSES],
+)
 def test_kill_at_a_random_moment(start_run: StartRun, process: str, number: int) -> None:
     moment_s = float(np.random.default_rng([len(process), number]).uniform(0.5, 4.0))  # wall time
     processes, command = PROCESSES[process]

@@ -95,13 +95,18 @@ def expected(preset: str) -> dict[tuple[str, str], str]:
     return found
 
 
-SLOW = {"elrs-2.4-333full", "elrs-900-200", "rfd900x", "sik-433", "sik-868"}
+SLOW, LONG = {"elrs-2.4-333full", "rfd900x", "sik-433"}, {"elrs-900-200", "sik-868"}
 """Their kind is flown quickly by another, or they have hundreds of slots a second."""
 
 
 @pytest.mark.parametrize(
     "preset",
-    [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in sorted(ON_AIR_US)],
+    [
+        pytest.param(
+            name, marks=pytest.mark.slow if name in SLOW else pytest.mark.long if name in LONG else ()
+        )
+        for name in sorted(ON_AIR_US)
+    ],
 )
 def test_a_preset_flies(flown: Callable[[str], Run], preset: str) -> None:
     run = flown(preset)

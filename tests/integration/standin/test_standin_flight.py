@@ -274,8 +274,15 @@ def test_guided_flight_from_refusal_to_disarm() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("wind_name", "hover_limit_m"), [("calm", 0.3), ("breeze", 1.5)])
-@pytest.mark.parametrize("airframe_name", ["f450", "hexa550"])
+@pytest.mark.parametrize(
+    ("airframe_name", "wind_name", "hover_limit_m"),
+    [
+        ("f450", "calm", 0.3),
+        ("hexa550", "breeze", 1.5),
+        pytest.param("f450", "breeze", 1.5, marks=pytest.mark.long),
+        pytest.param("hexa550", "calm", 0.3, marks=pytest.mark.long),
+    ],
+)
 def test_a_square_is_flown_as_arducopter_flies_it(
     airframe_name: str, wind_name: str, hover_limit_m: float
 ) -> None:

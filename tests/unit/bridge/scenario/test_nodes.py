@@ -88,8 +88,16 @@ def test_what_is_read_back_is_the_same() -> None:
     ("node", "key", "says"),
     [
         ("{id: gcs, kind: balloon, agent: {type: still}}", "nodes.gcs", "kind has to be one of: ua, ground"),
-        ("{id: gcs, kind: ground, agent: {type: hold, altitude_m: 4}}", "nodes.gcs.agent", "still, free, own"),
-        ("{id: gcs, kind: ground, airframe: f450, agent: {type: still}}", "nodes.gcs.airframe", "place, track"),
+        (
+            "{id: gcs, kind: ground, agent: {type: hold, altitude_m: 4}}",
+            "nodes.gcs.agent",
+            "still, free, own",
+        ),
+        (
+            "{id: gcs, kind: ground, airframe: f450, agent: {type: still}}",
+            "nodes.gcs.airframe",
+            "place, track",
+        ),
         ("{id: a/b, kind: ground, agent: {type: still}}", "nodes.1.id", "letters, digits"),
         ("{id: gcs, kind: ground, radio: nope, agent: {type: still}}", "nodes.gcs.radio", "nope"),
         ("{id: '0', kind: ground, agent: {type: still}}", "nodes", "id 0 is used more than once"),

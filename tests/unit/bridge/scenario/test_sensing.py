@@ -94,9 +94,19 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
         ("power_dbm: 20", "power_dbm: 2000", "nodes.beacon.power_dbm", "less than or equal to 200"),
         (", power_dbm: 20", "", "nodes.beacon.power_dbm", "is required"),
         ("power_dbm: 20", "power_dbm: 20, duty: 2", "nodes.beacon.duty", "less than or equal to 1"),
-        ("power_dbm: 20", "power_dbm: 20, agent: {type: still}", "nodes.beacon.agent", "frequency_hz, power_dbm"),
+        (
+            "power_dbm: 20",
+            "power_dbm: 20, agent: {type: still}",
+            "nodes.beacon.agent",
+            "frequency_hz, power_dbm",
+        ),
         ("power_dbm: 20", "power_dbm: 20, antenna: {model: horn}", "nodes.beacon.antenna", "'sector'"),
-        ("power_dbm: 20", "power_dbm: 20, antenna: {model: sector, gan_db: 1}", "nodes.beacon.antenna", "gan_db"),
+        (
+            "power_dbm: 20",
+            "power_dbm: 20, antenna: {model: sector, gan_db: 1}",
+            "nodes.beacon.antenna",
+            "gan_db",
+        ),
         (
             "power_dbm: 20",
             "power_dbm: 20, antenna: {model: pattern, pattern_file: no.csv}",

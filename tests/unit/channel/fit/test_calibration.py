@@ -95,7 +95,7 @@ def fresh_set(base, exponent, sigma_db, base_loss, floor_dbm, **more):
         (fresh_set("corrected", 2.35, 5.3, 0.03, -94.2), 0.4),
         (fresh_set("moon2020", 8.1, 4.4, 0.15, -262.0, rssi_step_db=0.0), 0.2),
         pytest.param(
-            fresh_set("moon2020", 3.0, 7.5, 0.0, -98.0, out_and_back=True), 0.3, marks=pytest.mark.slow
+            fresh_set("moon2020", 3.0, 7.5, 0.0, -98.0, out_and_back=True), 0.3, marks=pytest.mark.long
         ),
     ],
 )

@@ -17,7 +17,7 @@ SETTINGS = [
         id="no AVX2 in numpy, no FMA in the C library",
         marks=pytest.mark.slow,
     ),
-    pytest.param({NPY: "X86_V4 AVX512_ICL AVX512_SPR"}, id="no AVX-512 in numpy", marks=pytest.mark.slow),
+    pytest.param({NPY: "X86_V4 AVX512_ICL AVX512_SPR"}, id="no AVX-512 in numpy", marks=pytest.mark.long),
     pytest.param(NO_FMA, id="no FMA in the C library", marks=[pytest.mark.slow, pytest.mark.long]),
 ]
 """Features that a numpy or a processor does not have are left out with a warning, which changes nothing."""

@@ -195,7 +195,9 @@ def test_all_mistakes_are_told_at_once() -> None:
 
 @pytest.mark.parametrize("key", ["nodes.4.home.north_m", "nodes.5.agent.altitude_m", "nodes.5.radio"])
 def test_a_mistake_in_a_node_is_told_with_the_key_that_sets_it(key: str) -> None:
-    text = RIGHT.replace("id: 1", "id: 5").replace("id: 0", "id: 4").replace("from: 0, to: 1", "from: 4, to: 5")
+    text = (
+        RIGHT.replace("id: 1", "id: 5").replace("id: 0", "id: 4").replace("from: 0, to: 1", "from: 4, to: 5")
+    )
     with pytest.raises(ScenarioError, match=rf"override {key}='x': {key}: "):
         parse_scenario(text, "mine.yaml", overrides={key: "x"})
 
