@@ -117,6 +117,8 @@ def _warnings_on_stderr() -> Iterator[None]:
 def radios(as_json: bool) -> None:
     """List the radio presets: what each is, and how far it delivers 50 % and 90 % of its packets.
 
+    Packets have the radio's nominal_payload_bytes, 40 if it says nothing else; longer ones come less far.
+
     \b
     Examples:
       lostlink radios

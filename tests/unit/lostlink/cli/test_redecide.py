@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner, Result
 
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.measurements import MeasurementWriter
 from bridge.scenario.file import read_scenario
+from channel.presets import load_radio
 from channel.sensing.measured import MEASURED, Measured
 from lostlink.cli.main import lostlink
 from lostlink.compare.compare import compare
@@ -54,6 +56,18 @@ def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: 
     result = redecide(other, "--quiet")
     assert result.exit_code == 1
     assert "fates are other" in result.stdout
+
+
+def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the_same(tmp_path: Path) -> None:
+    """A link of a metre delivers all: a decibel less changes its powers, and no fate."""
+    made = flown(tmp_path / "made", scenario_of("perfect", NODES), 10)
+    scenario = made / "scenario.yaml"
+    told = yaml.safe_load(scenario.read_text())
+    told["radio"] = {"preset": "perfect", "transmit_power_dbm": load_radio("perfect").transmit_power_dbm - 1.0}
+    scenario.write_text(yaml.safe_dump(told))
+    result = redecide(made, "--json")
+    assert json.loads(result.stdout)["changed"] == 0
+    assert result.exit_code == 1
 
 
 def test_another_radio_is_no_error_and_json_tells_all(run: Path) -> None:
