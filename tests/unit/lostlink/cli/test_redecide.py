@@ -63,7 +63,10 @@ def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the
     made = flown(tmp_path / "made", scenario_of("perfect", NODES), 10)
     scenario = made / "scenario.yaml"
     told = yaml.safe_load(scenario.read_text())
-    told["radio"] = {"preset": "perfect", "transmit_power_dbm": load_radio("perfect").transmit_power_dbm - 1.0}
+    told["radio"] = {
+        "preset": "perfect",
+        "transmit_power_dbm": load_radio("perfect").transmit_power_dbm - 1.0,
+    }
     scenario.write_text(yaml.safe_dump(told))
     result = redecide(made, "--json")
     assert json.loads(result.stdout)["changed"] == 0
