@@ -6,7 +6,7 @@ import asyncio
 import signal
 import sys
 import threading
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator
 from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol, Self
@@ -94,8 +94,8 @@ class Flight:
         understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
 
     Attributes:
-        view: awaited before the first tick: a view that is to show that, too, has joined, or why it has not ("" if it
-            has); None: there is none.
+        view: what goes wrong with a view of the run. The first is awaited before the first tick, which the view is to
+            show: "" if it has joined, or why not. None: there is no view.
     """
 
     def __init__(
@@ -110,7 +110,8 @@ class Flight:
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
-        self.view: Callable[[], Coroutine[Any, Any, str]] | None = None
+        self.view: AsyncIterator[str] | None = None
+        self._view_watch: asyncio.Task[None] | None = None
         self._watcher = watcher
         self._lock = threading.Lock()
         self._interrupted = False
@@ -196,6 +197,8 @@ class Flight:
         except FleetError as error:
             ending = self._break_off("\n".join([*self._taken_meanwhile(fleet, replay), str(error)]))
         finally:
+            if self._view_watch is not None:
+                self._view_watch.cancel()
             with self._lock:
                 self._loop = None
         for name in fleet.killed:
@@ -210,8 +213,12 @@ class Flight:
     async def _view_joins(self) -> None:
         assert self.view is not None
         self._watcher.on_phase("waits for the view")
-        failure = await self.view()
-        if failure:
+        if failure := await anext(self.view):
+            self._watcher.on_error(failure)
+        self._view_watch = asyncio.create_task(self._tell_failures(self.view))
+
+    async def _tell_failures(self, failures: AsyncIterator[str]) -> None:
+        async for failure in failures:
             self._watcher.on_error(failure)
 
     def _taken_meanwhile(self, fleet: Fleet, replay: Path | None) -> list[str]:

@@ -6,6 +6,7 @@ import asyncio
 import signal
 import subprocess
 import sys
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from importlib.util import find_spec
 from typing import Self
@@ -47,6 +48,7 @@ class ViewProcess:
                 raise NoView("\n".join(taken))
         self.port, self._control = port or free_port(HOST), control
         self._process: subprocess.Popen[bytes] | None = None
+        self._is_told = False
 
     @property
     def address(self) -> str:
@@ -72,26 +74,43 @@ class ViewProcess:
         with run.log_path(VIEW_LOG).open("wb") as log:
             self._process = start_process(command, log)
 
-    async def served(self, run: RunDirectory) -> str:
-        """Wait until it serves, and so has joined the run; "", or why it does not: it ended, or took VIEW_S."""
+    async def failures(self, run: RunDirectory) -> AsyncIterator[str]:
+        """What goes wrong with it, as soon as it does.
+
+        The first is "" when it serves, and so has joined the run, or why it does not: it ended, or took VIEW_S.
+        """
+        log = f"its log is {run.log_path(VIEW_LOG)}"
+        if await self._is_served():
+            yield ""
+        else:
+            what = f"is not served after {VIEW_S:g} s" if self.is_open else "has ended"
+            self._is_told = not self.is_open
+            yield f"the view {what}: the run begins without it; {log}"
+        while self.is_open:  # noqa: ASYNC110 - a process of subprocess has no event
+            await asyncio.sleep(LOOK_AGAIN_S)
+        if failure := self.failure(run):
+            yield failure
+
+    async def _is_served(self) -> bool:
         with suppress(TimeoutError):
             async with asyncio.timeout(VIEW_S):
                 while self.is_open:
                     if await asyncio.to_thread(is_listened_at, f"tcp/{HOST}:{self.port}"):
-                        return ""
+                        return True
                     await asyncio.sleep(LOOK_AGAIN_S)
-        what = f"is not served after {VIEW_S:g} s" if self.is_open else "has ended"
-        return f"the view {what}: the run begins without it; its log is {run.log_path(VIEW_LOG)}"
+        return False
 
     @property
     def is_open(self) -> bool:
         """Whether it serves still."""
         return self._process is not None and self._process.poll() is None
 
-    @property
-    def has_failed(self) -> bool:
-        """Whether it ended, and not because all was well."""
-        return self._process is not None and bool(self._process.poll())
+    def failure(self, run: RunDirectory) -> str:
+        """That it ended, if that was not because all was well, and nobody was told of it."""
+        if self._is_told or self._process is None or not self._process.poll():
+            return ""
+        self._is_told = True
+        return f"the view ended before the run; its log is {run.log_path(VIEW_LOG)}"
 
     def wait(self) -> None:
         """Wait until nobody looks any more: once the run is over the view ends by itself then."""

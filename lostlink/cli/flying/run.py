@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,7 +25,7 @@ from lostlink.flight.bins_table import bins_table
 from lostlink.flight.console import plain_console
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
-from lostlink.view.beside import PORT, VIEW_LOG, NoView, ViewProcess
+from lostlink.view.beside import PORT, NoView, ViewProcess
 
 
 class SpeedOption(click.ParamType[float | str]):
@@ -164,7 +163,7 @@ def run(
     with ExitStack() as beside:
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
-            flight.view = partial(viewing.served, flight.directory)
+            flight.view = viewing.failures(flight.directory)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
@@ -209,8 +208,8 @@ def _keep(viewing: ViewProcess, run: RunDirectory) -> None:
         with suppress(SystemExit):  # a signal ends the view: the run was over
             click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
             viewing.wait()
-    elif viewing.has_failed:
-        tell(f"the view ended before the run; its log is {run.log_path(VIEW_LOG)}")
+    elif failure := viewing.failure(run):
+        tell(failure)
 
 
 def _tell(
