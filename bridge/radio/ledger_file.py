@@ -8,14 +8,18 @@ from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 from bridge.bus.keys import MAIN
+from bridge.scenario.resolve.channel import RadioChannel
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
 from channel.routing.routed import RoutingCounts
 
 LEDGER = "ledger.json"
+BINS_OF_PACKETS = "packets"
+BINS_OF_TRANSMISSIONS = "transmissions"
+"""Distance bins count the first transmission of each packet at all nodes that it meets, as if alone on the air."""
 NOTHING_JUDGED = Verdict(())
 Refusal = TypeVar("Refusal", bound=StrEnum)
 OnProgress = Callable[[float], object]
@@ -30,6 +34,7 @@ class Books(NamedTuple):
         shares_draws: whether packets share what is drawn: then their ratio has no binomial interval.
         radio: name of the network.
         routing: what that cost; None: nodes do not hand packets on.
+        takes_time: whether packets take time on the air: then the distance bins are of transmissions.
     """
 
     ledger: Ledger
@@ -37,6 +42,19 @@ class Books(NamedTuple):
     shares_draws: bool = False
     radio: str = MAIN
     routing: RoutingCounts | None = None
+    takes_time: bool = False
+
+    @classmethod
+    def of(cls, channel: RadioChannel, ledger: Ledger) -> Self:
+        """Those of a channel at the end of its run."""
+        return cls(
+            ledger,
+            channel.judge.verdict(),
+            channel.shares_draws,
+            channel.name,
+            channel.routing,
+            channel.network is not None,
+        )
 
 
 def write_ledger(
@@ -96,6 +114,7 @@ def _bins(books: Books, progress: OnProgress) -> Iterator[dict[str, Any]]:
             "rx": b.rx,
             "distance_min_m": b.distance_min_m,
             "distance_max_m": b.distance_max_m,
+            "of": BINS_OF_TRANSMISSIONS if books.takes_time else BINS_OF_PACKETS,
             "sent": b.sent,
             "delivered": b.delivered,
             "measured": b.measured,

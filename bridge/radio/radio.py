@@ -235,14 +235,7 @@ class RecordedRadio:
             self._report.set_counters(self._modems.counters())
         self._report.close()
         books = [
-            Books(
-                air.ledger,
-                channel.judge.verdict(),
-                channel.shares_draws,
-                air.name,
-                channel.routing,
-            )
-            for air, channel in zip(self.core.airs, self._channels, strict=True)
+            Books.of(channel, air.ledger) for air, channel in zip(self.core.airs, self._channels, strict=True)
         ]
         write_ledger(self._run.path / LEDGER, books, self.core.refused, tell_progress)
 

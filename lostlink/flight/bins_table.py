@@ -8,7 +8,7 @@ from rich import box
 from rich.table import Table
 
 from channel.numbers.intervals import binomial_interval
-from lostlink.flight.summary import BIN_SENT_MIN, is_outside, shares_draws
+from lostlink.flight.summary import BIN_SENT_MIN, is_outside, of_transmissions, shares_draws
 
 LINKS_MAX = 3
 """Of a row, that are named."""
@@ -22,8 +22,11 @@ def bins_table(summary: dict[str, Any]) -> Table:
     """
     shared = shares_draws(summary["bins"])
     title = "Probability of delivery by distance, all links"
-    told = f"{title} (packets share shadowing or fading: no intervals)" if shared else title
-    table = Table(box=box.SIMPLE_HEAD, title=told, title_justify="left")
+    if of_transmissions(summary["bins"]):
+        title += ", of first transmissions, as if alone on the air"
+    if shared:
+        title += " (packets share shadowing or fading: no intervals)"
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
     for name in (
         "distance, m",
         "sent",

@@ -11,7 +11,7 @@ import numpy as np
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
 from channel.validity import OutsideValidityError
-from lostlink.flight.summary import shares_draws
+from lostlink.flight.summary import of_transmissions, shares_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,8 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, p
         radio_name = radio_name.get("preset", "own radio")
     name = Path(radio_name).stem
     how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
-    axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} (measured; {how})")
+    what = "first transmissions" if of_transmissions(summary["bins"]) else "measured"
+    axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})")
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from bridge.radio.ledger_file import LEDGER
+from bridge.radio.ledger_file import BINS_OF_TRANSMISSIONS, LEDGER
 from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
 from bridge.record.events import AGENT_WARNING, OTHER_SYSTEM, Reports, read_reports
@@ -176,6 +176,11 @@ def is_judged(row: dict[str, Any]) -> bool:
 def shares_draws(bins: Sequence[dict[str, Any]]) -> bool:
     """Whether packets shared what was drawn, so that no interval of independent ones holds for their ratios."""
     return any(row["ci99"] is None and row["predicted"] is not None for row in bins)
+
+
+def of_transmissions(bins: Sequence[dict[str, Any]]) -> bool:
+    """Whether there are bins of first transmissions, each as if alone on the air, in place of packets."""
+    return any(row.get("of") == BINS_OF_TRANSMISSIONS for row in bins)  # runs of before do not say
 
 
 def is_outside(row: dict[str, Any]) -> bool:

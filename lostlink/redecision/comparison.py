@@ -39,12 +39,13 @@ class LinkChange:
 
 @dataclass(frozen=True, slots=True)
 class BinChange:
-    """A distance bin of a directed link: shares of what the channel had to decide there.
+    """A distance bin of a directed link: shares of the packets with a place there.
 
     Attributes:
-        measured_before: as recorded.
-        measured_after: as decided anew.
-        predicted_after: the new radio's mean probability of delivery over the true geometries.
+        measured_before: delivered, as recorded.
+        measured_after: delivered, as decided anew.
+        predicted_after: the new channel's mean probability of delivery over the true geometries; where packets take
+            time on the air that of their first transmissions, each as if alone.
     """
 
     tx: str
@@ -94,7 +95,7 @@ def compare_decisions(
     Args:
         before: what was recorded.
         after: of the same packets.
-        bins: of the ledger of ``after``.
+        bins: of the ledger of ``after``, for what was predicted.
     """
     one, other = before.each(), after.each()
     in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())
@@ -115,7 +116,7 @@ def compare_decisions(
         and all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
         missing,
         _links(one, other),
-        _bins(before, bins),
+        _bins(before, after, bins),
     )
 
 
@@ -164,25 +165,26 @@ def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
     }
 
 
-def _bins(before: DeliveryRows, after: Sequence[BinSummary]) -> tuple[BinChange, ...]:
-    was = _measured(before)
-    is_now: dict[tuple[str, str, float], BinSummary] = {}
-    for row in after:
+def _bins(
+    before: DeliveryRows, after: DeliveryRows, predicted: Sequence[BinSummary]
+) -> tuple[BinChange, ...]:
+    was, is_now = _measured(before), _measured(after)
+    booked: dict[tuple[str, str, float], BinSummary] = {}
+    for row in predicted:
         key = row.tx, row.rx, row.distance_min_m
-        is_now[key] = _together(is_now[key], row) if key in is_now else row
+        booked[key] = _together(booked[key], row) if key in booked else row
     found = []
     for key in sorted(was.keys() | is_now.keys()):
-        sent, delivered = was.get(key, (0, 0))
-        new = is_now.get(key)
+        (sent, delivered), (sent_now, delivered_now) = (side.get(key, (0, 0)) for side in (was, is_now))
         found.append(
             BinChange(
                 *key,
                 key[2] + BIN_WIDTH_M,
                 sent,
-                0 if new is None else new.sent,
+                sent_now,
                 delivered / sent if sent else None,
-                None if new is None else new.measured,
-                None if new is None else new.predicted,
+                delivered_now / sent_now if sent_now else None,
+                booked[key].predicted if key in booked else None,
             )
         )
     return tuple(found)

@@ -96,14 +96,7 @@ class NetworkAnew:
     @property
     def books(self) -> Books:
         """What was sent and what became of it, when all steps are done."""
-        channel = self._channel
-        return Books(
-            self._ledger,
-            channel.judge.verdict(),
-            channel.shares_draws,
-            channel.name,
-            channel.routing,
-        )
+        return Books.of(self._channel, self._ledger)
 
     def _at_once(self, packets: Packets) -> Iterator[tuple[Columns | None, int]]:
         medium, facts = self._channel.medium, self._sent.facts

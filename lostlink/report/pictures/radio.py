@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lostlink.flight.figure import draw_measured
+from lostlink.flight.summary import of_transmissions
 from lostlink.report.pictures.theme import FAINT, GOOD, LOSSES, SERIES, figure_of, svg_of, themed
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def draw_delivery(content: dict[str, Any]) -> str:
         )
         axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         told = "Measured probability of delivery over distance, with 99 % intervals"
+        told += ", of first transmissions, each as if alone on the air" if of_transmissions(bins) else ""
         return svg_of(figure, "delivery", told + (", and the curve of the model." if model else "."))
 
 

@@ -37,6 +37,7 @@ def test_what_is_too_weak_for_its_receiver_has_a_cause_of_its_own(flown: Flown) 
     mean_dbm = 20.0 - 20.0 * log10(4.0 * pi * WAY_M * 915e6 / 299_792_458.0)
     predicted = 0.5 * (1.0 + erf((mean_dbm - LEVEL_DBM) / SIGMA_DB / sqrt(2.0)))
     [row] = [each for each in run.summary["bins"] if each["tx"] == "g1"]
+    assert row["of"] == "transmissions"
     assert row["predicted"] == pytest.approx(predicted, abs=1e-3)
     lost = run_lost(run)  # the two first packets begin at once: bins have them as they were alone on the air
     assert row["sent"] - row["delivered"] == pytest.approx(lost["below_preamble"], abs=1)

@@ -170,6 +170,12 @@ def test_intervals_of_independent_packets_are_not_held_against_those_that_share_
     assert "0 -> 1" not in shown(summary)
 
 
+def test_a_table_of_transmissions_is_told_from_one_of_packets(tmp_path: Path) -> None:
+    said = "of first transmissions, as if alone on the air"
+    assert said in shown(summary_of(tmp_path, [row(0, 100, 0.7) | {"of": "transmissions"}]))
+    assert said not in shown(summary_of(tmp_path, [row(0, 100, 0.7)]))
+
+
 @pytest.mark.parametrize(
     ("radio", "shared"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from bridge.bus.messages import CommandGoal
 from bridge.bus.radio_command import radio_goal
+from bridge.radio.ledger_file import LEDGER, write_ledger
 from bridge.record.tables.deliveries import DELIVERIES, FATES
 from bridge.record.tables.every import finish_tables
 from bridge.scenario.model import Scenario
@@ -274,6 +276,17 @@ def test_what_changed_is_told_by_link_cause_and_distance(tmp_path: Path) -> None
     assert far
     assert all((b.measured_before, b.measured_after, b.predicted_after) == (0.0, 1.0, 1.0) for b in far)
     assert sum(b.sent_before for b in comparison.bins) == 480
+
+
+@pytest.mark.parametrize("radio", ["telemetry-915", "wifi-2.4"])
+def test_by_distance_is_told_what_arrived_also_where_packets_take_time(radio: str, tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 40)
+    result = redecide(run, radio=radio)
+    arrived = sum(b.sent_after * (b.measured_after or 0.0) for b in result.comparison.bins)
+    assert arrived == pytest.approx(sum(link.delivered_after for link in result.comparison.links))
+    write_ledger(tmp_path / LEDGER, result.books, {})
+    assert {b["of"] for b in json.loads((tmp_path / LEDGER).read_text())["bins"]} == {"transmissions"}
+    assert {b["of"] for b in json.loads((run / LEDGER).read_text())["bins"]} == {"packets"}
 
 
 def test_what_cannot_be_decided_is_said(tmp_path: Path) -> None:

@@ -204,7 +204,7 @@ class Router:
             stream.close()
         if not killed:
             books = [
-                Books(air.ledger, channel.judge.verdict(), radio=channel.name)
+                Books.of(channel, air.ledger)
                 for air, channel in zip(self.core.airs, self.channels, strict=True)
             ]
             write_ledger(self.run.path / LEDGER, books, self.core.refused)
