@@ -67,8 +67,8 @@ class DecisionComparison:
         fates: how many there are in both.
         changed: how many of them differ.
         changes: from what to what, ``[{"before": cause, "after": cause, "packets": count}]``.
-        is_same: whether fates, instants of arrival, powers and error rates are the same, bit by bit, and nothing is
-            missing.
+        is_same: whether fates, instants of arrival, powers and error rates are the same, bit by bit, of what both sides
+            have.
         not_compared: fates that only one side has: a killed run's files end at different ticks.
         links: per directed link.
         bins: per directed link and distance.
@@ -110,8 +110,7 @@ def compare_decisions(
         int(pairs.sum()),
         int(changed.sum()),
         _changes(changed),
-        not missing
-        and not changed.any()
+        not changed.any()
         and np.array_equal(one.columns["arrived_ns"], other.columns["arrived_ns"])
         and all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
         missing,

@@ -48,10 +48,8 @@ def sentence(comparison: DecisionComparison) -> str:
         text = f"{comparison.changed} of {comparison.fates} fates are other: {', '.join(parts)}"
     elif comparison.is_same:
         text = f"all {comparison.fates} fates are the same, with their powers and error rates, at the same instants"
-    elif not comparison.not_compared:
-        text = f"all {comparison.fates} fates are the same, but not all powers, error rates and instants of arrival"
     else:
-        text = f"all {comparison.fates} fates are the same"
+        text = f"all {comparison.fates} fates are the same, but not all powers, error rates and instants of arrival"
     missing = comparison.not_compared
     return text + (f"; {missing} are on one side only: the record was cut" if missing else "")
 

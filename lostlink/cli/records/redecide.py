@@ -79,7 +79,7 @@ def redecide(
         _tell(result, out, quiet=quiet)
     is_same_radio = radio is None and seed is None and not settings
     comparison = result.comparison
-    differs = is_same_radio and (comparison.changed or not (comparison.is_same or comparison.not_compared))
+    differs = is_same_radio and not comparison.is_same
     sys.exit(DISAGREES if differs or verdict_on(result).outcome is RunOutcome.FAIL else 0)
 
 

@@ -58,9 +58,15 @@ def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: 
     assert "fates are other" in result.stdout
 
 
-def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the_same(
+    tmp_path: Path, is_cut: bool
+) -> None:
     """A link of a metre delivers all: a decibel less changes its powers, and no fate."""
-    made = flown(tmp_path / "made", scenario_of("perfect", NODES), 10)
+    made = flown(tmp_path / "made", scenario_of("perfect", NODES), 10, killed=is_cut)
+    if is_cut:
+        deliveries = made / "deliveries.journal"
+        deliveries.write_bytes(deliveries.read_bytes()[:-1000])
     scenario = made / "scenario.yaml"
     told = yaml.safe_load(scenario.read_text())
     told["radio"] = {
@@ -69,7 +75,8 @@ def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the
     }
     scenario.write_text(yaml.safe_dump(told))
     result = redecide(made, "--json")
-    assert json.loads(result.stdout)["changed"] == 0
+    found = json.loads(result.stdout)
+    assert (found["changed"], found["not_compared"] > 0, found["is_same"]) == (0, is_cut, False)
     assert result.exit_code == 1
 
 

@@ -250,6 +250,7 @@ def test_a_killed_run_is_decided_as_far_as_it_goes(tmp_path: Path) -> None:
     assert comparison.changed == 0
     assert comparison.fates > 600
     assert 0 < comparison.not_compared < 60
+    assert comparison.is_same
     finish_tables(run)
     assert redecide(run).comparison.changed == 0
 
