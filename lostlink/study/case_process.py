@@ -24,6 +24,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ WARM = (
     "scipy.special",
 )
 """What a case imports late."""
+FRAMES = "pandas"
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +241,17 @@ def load_all() -> None:
     for name in WARM:
         import_module(name)
     radio_of(read_scenario(DEFAULT_SCENARIO))  # models, installed laws
+    _freeze()
+
+
+def load_frames() -> None:
+    """Import what a user's own metrics most likely ask for, if it is installed."""
+    if FRAMES not in sys.modules and find_spec(FRAMES) is not None:
+        import_module(FRAMES)
+        _freeze()
+
+
+def _freeze() -> None:
     gc.collect()
     gc.freeze()
 
@@ -247,7 +260,10 @@ def main() -> int:
     """Fly the cases whose directories come on stdin, one after the other."""
     load_all()
     for line in sys.stdin:
-        fly_forked(Path(line.rstrip("\n")))
+        directory = Path(line.rstrip("\n"))
+        if CasePlan.read(directory).metrics:
+            load_frames()
+        fly_forked(directory)
         print(line, end="", flush=True)
     return 0
 

@@ -30,8 +30,12 @@ nodes:
   - {id: 1, home: {north_m: 380}, agent: {type: still}}
 """
 OWN = """
+import sys
+
+
 def measure(run):
-    return {"heard_by_1": int((run.columns("deliveries", ["rx"])["rx"] == "1").sum()), "series": [1, 2]}
+    heard = int((run.columns("deliveries", ["rx"])["rx"] == "1").sum())
+    return {"heard_by_1": heard, "series": [1, 2], "frames_are_there": "pandas" in sys.modules}
 
 
 def draw(table, directory):
@@ -210,4 +214,6 @@ def test_runs_that_fail_stay_without_what_only_people_look_at(make_study, tmp_pa
 
 def test_rows_as_json(make_study, tmp_path):
     flown = fly(make_study(count=2), tmp_path / "out", "--json")
-    assert [json.loads(line)["radio"] for line in flown.stdout.splitlines()] == ["moon2020", "corrected"]
+    rows = [json.loads(line) for line in flown.stdout.splitlines()]
+    assert [row["radio"] for row in rows] == ["moon2020", "corrected"]
+    assert all(row["frames_are_there"] for row in rows)  # imported once per worker, by no case
