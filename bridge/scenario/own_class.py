@@ -5,10 +5,14 @@ from __future__ import annotations
 import ast
 import symtable
 from collections.abc import Collection, Iterator
+from functools import lru_cache
 from pathlib import Path
 
 from bridge.scenario.agent_class import wrong_with_class
 from bridge.scenario.resolve.sources import sources_of
+
+SOURCES_KEPT = 64
+"""So many source texts are not parsed again: each case of a study, and each UA, names the same."""
 
 
 def mistake_in(place: str, name: str, kind: str = "class") -> str:
@@ -27,7 +31,7 @@ def mistake_in(place: str, name: str, kind: str = "class") -> str:
         return f"{path}: {error}"
     if name not in names and "import *" not in text:
         return f"{path} has no {kind} {name}"
-    wrong = wrong_with_class(ast.parse(text), name) if kind == "class" else None
+    wrong = wrong_with_class(_module(text), name) if kind == "class" else None
     return "" if wrong is None else f"{path}:{wrong[0]}: {wrong[1]}"
 
 
@@ -39,7 +43,8 @@ def unread_options(place: str, options: Collection[str]) -> list[str]:
     if not options or not place.endswith(".py"):
         return []
     try:
-        named = {word for file in sources_of(Path(place)) for word in _words_of(file)}
+        texts = [file.read_text(encoding="utf-8") for file in sources_of(Path(place))]
+        named = frozenset[str]().union(*map(_words_in, texts))
     except (OSError, SyntaxError, ValueError):
         return []  # a file beside the agent's that is no code: whoever loads it says so
     return [option for option in options if option not in named]
@@ -49,7 +54,7 @@ def is_plain(place: str, name: str) -> bool:
     """Whether a class derives from `Agent` alone: then nothing but its folder's code reads its options."""
     found = (
         node
-        for node in ast.parse(Path(place).read_text(encoding="utf-8")).body
+        for node in _module(Path(place).read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef)
     )
     return any(
@@ -60,7 +65,7 @@ def is_plain(place: str, name: str) -> bool:
 def options_read(place: str) -> list[str]:
     """The texts by which an agent's own file asks for something: ``options["height_m"]``, ``options.get("share")``."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(Path(place).read_text(encoding="utf-8"))):
+    for node in ast.walk(_module(Path(place).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Subscript):
             asked: list[ast.expr] = [node.slice]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "get":
@@ -73,8 +78,18 @@ def options_read(place: str) -> list[str]:
     return sorted(found)
 
 
-def _words_of(file: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+@lru_cache(maxsize=SOURCES_KEPT)
+def _module(source: str) -> ast.Module:
+    return ast.parse(source)
+
+
+@lru_cache(maxsize=SOURCES_KEPT)
+def _words_in(source: str) -> frozenset[str]:
+    return frozenset(_words_of(ast.parse(source)))
+
+
+def _words_of(module: ast.Module) -> Iterator[str]:
+    for node in ast.walk(module):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
         elif isinstance(node, ast.arg | ast.keyword) and node.arg is not None:

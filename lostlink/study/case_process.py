@@ -20,6 +20,7 @@ import shutil
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -94,13 +95,18 @@ class CasePlan:
 
     @property
     def measures(self) -> str:
-        """What is measured, as a digest: other code measures anew."""
-        digest = hashlib.sha256()
-        for function in self.metrics:
-            for file in sources_of(function.file):
-                digest.update(file.read_bytes() + b"\0")
-            digest.update(function.name.encode() + b"\0")
-        return digest.hexdigest()[:16]
+        """What is measured (`measures_of`)."""
+        return measures_of(self.metrics)
+
+
+def measures_of(functions: Sequence[Function]) -> str:
+    """What is measured, as a digest: other code measures anew."""
+    digest = hashlib.sha256()
+    for function in functions:
+        for file in sources_of(function.file):
+            digest.update(file.read_bytes() + b"\0")
+        digest.update(function.name.encode() + b"\0")
+    return digest.hexdigest()[:16]
 
 
 def read_result(directory: Path) -> dict[str, Any] | None:
@@ -112,10 +118,10 @@ def read_result(directory: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-def is_done(directory: Path, plan: CasePlan) -> bool:
-    """Whether the case was flown to its end and measured by the code that there is now."""
+def is_done(directory: Path, measures: str) -> bool:
+    """Whether the case was flown to its end and measured by this code (`measures_of`)."""
     result = read_result(directory)
-    return result is not None and not result["failure"] and result["measures"] == plan.measures
+    return result is not None and not result["failure"] and result["measures"] == measures
 
 
 def write_whole(path: Path, content: object) -> None:
@@ -133,7 +139,7 @@ def fly_case(directory: Path) -> int:
     with (directory / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         plan = CasePlan.read(directory)
-        if is_done(directory, plan):
+        if is_done(directory, plan.measures):
             return 0
         (directory / RESULT_FILE).unlink(missing_ok=True)
         try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
-from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, read_result, recorded
+from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, measures_of, read_result, recorded
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import link_column, load
@@ -71,7 +71,8 @@ class Study:
 
     def left(self) -> list[Case]:
         """The runs that are still to be flown or measured."""
-        return [case for case in self.cases if not is_done(self.path(case), self._plan(case))]
+        measures = measures_of(self.content.metrics)
+        return [case for case in self.cases if not is_done(self.path(case), measures)]
 
     def path(self, case: Case) -> Path:
         """The directory of a run of the study."""

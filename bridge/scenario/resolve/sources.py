@@ -32,6 +32,8 @@ def _imported(file: Path, folder: Path) -> Iterator[Path]:
         for part in name.split("."):
             path = path / part
             yield from (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.is_file())
+            if not path.is_dir():
+                break
 
 
 @lru_cache(maxsize=1024)
@@ -49,4 +51,4 @@ def _imports(source: bytes) -> tuple[tuple[int, str], ...]:
             module = f"{node.module}." if node.module else ""
             found += [(node.level, module + each.name) for each in node.names if each.name != "*"]
             found += [(node.level, node.module)] if node.module else []
-    return tuple(found)
+    return tuple(dict.fromkeys(found))
