@@ -267,8 +267,9 @@ def main() -> int:
     load_all()
     for line in sys.stdin:
         directory = Path(line.rstrip("\n"))
-        if CasePlan.read(directory).metrics:
-            load_frames()
+        with suppress(OSError, ValueError):  # a case without a plan says so itself
+            if CasePlan.read(directory).metrics:
+                load_frames()
         fly_forked(directory)
         print(line, end="", flush=True)
     return 0
