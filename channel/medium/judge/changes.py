@@ -3,9 +3,9 @@
 How the terms of two packets are correlated is known from their places and times (`correlation`). So the difference of
 two powers is compared with `DRAWS` others that are drawn from their joint law: its rank among them, ties broken at
 random, is uniform whatever the law (Besag & Clifford, Biometrika 76 (1989)). As a normal score v, its mean square is 1;
-it is less where powers go together more than they should, and more where they go together less. Pairs of packets are so
-far from each other that their differences are nearly independent, and the first moves nothing that is common to both:
-the level is not judged here.
+it is less where powers go together more than they should, and more where they go together less. The level, which is
+common to both, is not judged here. How far the mean of the squares may be from 1 is known from the same correlations:
+changes of one link go together (`_together`), and all links of a run have the waves of one field (`_of_place_waves`).
 
 Two questions are asked so: over a decorrelation distance of shadowing (or line of sight), and from packet to packet.
 The power of each is found by draws with other correlations: see `Question`.
@@ -25,7 +25,7 @@ from channel.draws import Draws
 from channel.fading import place_field, scatter
 from channel.link.radio import Radio
 from channel.medium.judge.check import Check, Unjudged, spread_check
-from channel.medium.judge.correlation import Correlations, correlations, lasting_m
+from channel.medium.judge.correlation import Correlations, correlations, lasting_m, of_changes
 from channel.medium.judge.heard import HeardPower, HeardPowers
 from channel.medium.judge.spots import Spots
 from channel.medium.judge.two_powers import ROWS, change_in_steps, changes_in_steps
@@ -36,6 +36,8 @@ DRAWS = 127
 LEAST_PAIRS = 8
 MAX_TOLERATED = 1000
 """Pairs from which the tolerance for the sum of waves is found."""
+MAX_OF_LINK = 200
+"""Pairs of a link from which is found how much they go together."""
 FACTOR = 4.0
 MOST_OVER = 2.0
 """A pair that is over this many times the way wanted is not taken."""
@@ -58,14 +60,18 @@ class PowerChange:
     Attributes:
         normal: v.
         ratio: mean of its square with the defect.
-        slope: of its mean square, by the correlation of shadowing.
+        slope: of its mean square, by the correlation of shadowing, or else of the line of sight.
         way: of both ends, in decorrelation distances, shape (2, 3).
+        first: of the two packets.
+        second: the other.
     """
 
     normal: float
     ratio: float
     slope: float
     way: FloatArray
+    first: HeardPower
+    second: HeardPower
 
 
 @dataclass(frozen=True)
@@ -141,20 +147,24 @@ class Changes:
             drawn = changes_in_steps(first, second, other, rows[ROWS : 2 * ROWS])
             return float(np.square(_scores(drawn, right, rows[-1])).mean())
 
-        if is_fine and abs(mean_square(_standing(law)) - mean_square(law)) > MOST_MOVED:
-            return None
-        ratio = mean_square(defect)
-        normal = _scores(np.array([change_in_steps(first, second)]), right, uniform[-1:])
-        more = float(defect.shadowing[0] - law.shadowing[0])
         way = (second.ends_ned_m - first.ends_ned_m) / (lasting_m(first.radio) or 1.0)
-        return PowerChange(float(normal[0]), ratio, (ratio - 1.0) / more if more else 0.0, way)
+        slope, ratio = 0.0, mean_square(defect)
+        if way.any() and lasting_m(first.radio):
+            other = defect if self._question.over else _standing(law)
+            changed = mean_square(other) - mean_square(law)
+            if is_fine and abs(changed) > MOST_MOVED:
+                return None
+            more = _lasting(first.radio, other) - _lasting(first.radio, law)
+            slope = changed / more if more else 0.0
+        normal = _scores(np.array([change_in_steps(first, second)]), right, uniform[-1:])
+        return PowerChange(float(normal[0]), ratio, slope, way, first, second)
 
     def checks(self) -> Iterator[Check | Unjudged]:
         """Yield what there is to say; nothing if no law says anything of the question."""
         question, count = self._question, len(self._pairs)
         if count >= LEAST_PAIRS:
             square = float(np.mean([pair.normal**2 for pair in self._pairs]))
-            freedom = 2.0 / (2.0 / count + question.tolerance(self._pairs))
+            freedom = 2.0 / (2.0 * _together(self._pairs) + question.tolerance(self._pairs))
             ratio = float(np.mean([pair.ratio for pair in self._pairs]))
             yield spread_check(question.name, count, square, freedom, question.wrong, ratio)
         elif self._asked:
@@ -165,6 +175,34 @@ def _scores(found: NDArray[np.int64], drawn: NDArray[np.int64], v: FloatArray) -
     """Return normal scores of ranks among numbers in rising order, ties broken by v, uniform over (0, 1)."""
     low, high = (np.searchsorted(drawn, found, side=side) for side in SIDES)
     return np.asarray(special.ndtri((low + v * (high - low + 1)) / (drawn.size + 1)))
+
+
+def _lasting(radio: Radio, law: Correlations) -> float:
+    """Return the correlation of what lasts over place (`lasting_m`)."""
+    shadowing = radio.config.shadowing
+    lasts = shadowing.is_random and shadowing.decorrelation_m is not None
+    return float((law.shadowing if lasts else law.sight)[0])
+
+
+def _together(pairs: list[PowerChange]) -> float:
+    """Return the mean squared correlation of any two pairs, one and the same included: 1 / n if all are independent.
+
+    Half the variance of the mean of squares of normal variables. Of pairs of one link scattered fields go together
+    for long: those of ends that stand swing at almost one frequency.
+    """
+    links: dict[int, list[PowerChange]] = {}
+    for pair in pairs:
+        links.setdefault(pair.first.link, []).append(pair)
+    total = 0.0
+    for each in links.values():
+        some = each[:: -(-len(each) // MAX_OF_LINK)]
+        both = [(pair.first, pair.second) for pair in some]
+        when_ns = np.array([[look.sim_time_ns for look in pair] for pair in both], dtype=np.int64)
+        ends_ned_m = np.array([[look.ends_ned_m for look in pair] for pair in both])
+        squares = np.square(of_changes(some[0].first.radio.config, when_ns, ends_ned_m))
+        apart = float(squares.sum() - np.trace(squares))
+        total += len(each) + apart * (len(each) / len(some)) ** 2
+    return total / len(pairs) ** 2
 
 
 def _standing(law: Correlations) -> Correlations:
@@ -237,5 +275,5 @@ FROM_PACKET_TO_PACKET = Question(
     over=0.0,
     applies=_is_random,
     defect=_swapped,
-    tolerance=lambda _pairs: 1.0 / scatter.WAVES**2,
+    tolerance=lambda pairs: 1.0 / scatter.WAVES**2 + _of_place_waves(pairs),
 )

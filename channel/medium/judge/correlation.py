@@ -22,6 +22,9 @@ from channel.medium.judge.heard import HeardPower, HeardPowers
 from channel.numbers import special
 from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
+LEAST_SPREAD = 1e-12
+"""Of a change of the scattered field, below which rounding decides."""
+
 
 class Correlations(NamedTuple):
     """Of the normal variables behind the terms of packets, shape (n,) each; of fading that of the scattered field."""
@@ -100,15 +103,47 @@ def _fading(look: HeardPower, others: HeardPowers) -> FloatArray:
             _blocks(config, *each) for each in (_time(look), (others.sim_time_ns, others.speed_mps))
         )
         return np.asarray(np.all(here == there, axis=0), dtype=np.float64)
-    ways = others.ends_ned_m - look.ends_ned_m
-    per_m = 2.0 * math.pi * config.frequency_hz / SPEED_OF_LIGHT_MPS
     lag_s = (others.sim_time_ns - look.sim_time_ns) * 1e-9
+    return _of_scatter(config, lag_s, others.ends_ned_m - look.ends_ned_m)
+
+
+def of_changes(config: RadioConfig, sim_time_ns: NDArray[np.int64], ends_ned_m: FloatArray) -> FloatArray:
+    """Return the correlations of what the scattered field does within pairs of packets on one link, shape (n, n).
+
+    Of the differences within two pairs, or of their sums, whichever go together more: the level that a change
+    begins at counts, too.
+
+    Args:
+        config: of the link's radio.
+        sim_time_ns: of both packets of each pair, shape (n, 2).
+        ends_ned_m: where both ends were, shape (n, 2, 2, 3).
+    """
+    n = len(sim_time_ns)
+    if not config.fading.is_random or config.fading.coherence != "doppler":
+        return np.eye(n)
+    when_s = np.asarray(sim_time_ns.reshape(-1) * 1e-9, dtype=np.float64)
+    where = ends_ned_m.reshape(-1, 2, 3)
+    field = _of_scatter(config, when_s[:, np.newaxis] - when_s, where[:, np.newaxis] - where)
+    first, second = slice(0, None, 2), slice(1, None, 2)
+    crossed = field[first, second] + field[second, first]
+    alike = field[first, first] + field[second, second]
+    found = []
+    for together in (alike - crossed, alike + crossed):
+        spread = np.sqrt(np.maximum(np.diag(together), LEAST_SPREAD))
+        found.append(np.abs(together) / np.outer(spread, spread))
+    return np.asarray(np.minimum(np.maximum(*found), 1.0))
+
+
+def _of_scatter(config: RadioConfig, lag_s: FloatArray, ways_m: FloatArray) -> FloatArray:
+    """Return the autocorrelation of the scattered field over times (...) and the ways of both ends (..., 2, 3)."""
+    fading = config.fading
+    per_m = 2.0 * math.pi * config.frequency_hz / SPEED_OF_LIGHT_MPS
     still = special.j0(2.0 * math.pi * CLARKE / fading.max_coherence_s * lag_s)
     if getattr(fading, "scattering", "ring") == "sphere":
-        by_end = np.sinc(per_m / math.pi * np.linalg.norm(ways, axis=-1))
+        by_end = np.sinc(per_m / math.pi * np.linalg.norm(ways_m, axis=-1))
     else:
-        by_end = special.j0(per_m * np.linalg.norm(ways[..., :2], axis=-1))
-    return np.asarray(still * by_end[:, 0] * by_end[:, 1])
+        by_end = special.j0(per_m * np.linalg.norm(ways_m[..., :2], axis=-1))
+    return np.asarray(still * by_end[..., 0] * by_end[..., 1])
 
 
 def _time(look: HeardPower) -> tuple[NDArray[np.int64], FloatArray]:

@@ -139,6 +139,8 @@ FLIGHT = World(packets=1000)
 HOVER = World(speed_mps=0.0, step_s=0.05, packets=3000)
 CREEP = World(speed_mps=0.3, step_s=0.05, packets=3000)
 """Much less than a wavelength from packet to packet."""
+MANY = World(pairs=15, speed_mps=0.0, step_s=0.25, packets=80)
+"""For twenty seconds: changes on a link swing at almost one frequency meanwhile."""
 
 RIGHT = {
     "steps of the line of sight": ("perfect", SIGHT, FLIGHT),
@@ -147,6 +149,7 @@ RIGHT = {
     "shadowing and Rician fading": ("wifi-2.4", {}, FLIGHT),
     "fading of ends that hover": ("wifi-2.4", DEEP, HOVER),
     "fading of ends that creep": ("wifi-2.4", DEEP, CREEP),
+    "Rician fading of many ends that hover": ("wifi-2.4", {"shadowing": {"model": "none"}}, MANY),
 }
 WRONG = {
     "decorrelation times four": ("wifi-2.4", {}, replace(FLIGHT, too_long=4.0), OVER),
