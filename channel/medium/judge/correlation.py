@@ -104,7 +104,7 @@ def _fading(look: HeardPower, others: HeardPowers) -> FloatArray:
         )
         return np.asarray(np.all(here == there, axis=0), dtype=np.float64)
     lag_s = (others.sim_time_ns - look.sim_time_ns) * 1e-9
-    return _of_scatter(config, lag_s, others.ends_ned_m - look.ends_ned_m)
+    return _of_scatter(config, np.asarray(lag_s), others.ends_ned_m - look.ends_ned_m)
 
 
 def of_changes(config: RadioConfig, sim_time_ns: NDArray[np.int64], ends_ned_m: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ def of_changes(config: RadioConfig, sim_time_ns: NDArray[np.int64], ends_ned_m: 
     if not config.fading.is_random or config.fading.coherence != "doppler":
         return np.eye(n)
     when_s = np.asarray(sim_time_ns.reshape(-1) * 1e-9, dtype=np.float64)
-    where = ends_ned_m.reshape(-1, 2, 3)
+    where = np.asarray(ends_ned_m.reshape(-1, 2, 3), dtype=np.float64)
     field = _of_scatter(config, when_s[:, np.newaxis] - when_s, where[:, np.newaxis] - where)
     first, second = slice(0, None, 2), slice(1, None, 2)
     crossed = field[first, second] + field[second, first]

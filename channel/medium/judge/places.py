@@ -42,7 +42,7 @@ class PowersAtPlaces:
         self._draws = draws
         self._spots = Spots(APART)
         self._normal: list[FloatArray] = []
-        self._crowding = 0.0
+        self._crowding = np.zeros(2)
 
     def take(self, look: HeardPower) -> int:
         """Keep a power if its place is new; returns how long its link is left alone, ns."""
@@ -63,13 +63,17 @@ class PowersAtPlaces:
         normal, higher, lower = np.array(self._normal).T
         wrong = f"{OFF_DB:g} dB off"
         # the mean of correlated variables varies by the sum of all their correlations
-        weight = count / math.sqrt(count + 2.0 * self._crowding)
+        level, spread = self._crowding.tolist()
+        weight = count / math.sqrt(count + 2.0 * level)
         shift = min(float((higher - normal).mean()), float((normal - lower).mean()))
         mean = float(normal.mean())
         yield normal_check(LEVEL_OF_POWERS, count, mean * weight, wrong, shift * weight)
         around = float(np.square(normal - mean).sum()) / (count - 1)
         ratio = (1.0 + max(shift, 0.0)) ** 2
-        yield spread_check(SPREAD_OF_POWERS, count, around, count - 1, wrong, ratio)
+        freedom = (count - 1) / (
+            1.0 + 2.0 * spread / count
+        )  # likewise that of their squares, by the squares of these
+        yield spread_check(SPREAD_OF_POWERS, count, around, freedom, wrong, ratio)
 
 
 def normal_of(look: HeardPower, v: float, off_db: FloatArray) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from channel.medium.judge.correlation import correlations, lasting_m, shared_ends
@@ -9,6 +11,19 @@ from channel.medium.judge.heard import HeardPower, HeardPowers
 
 MAX_SPOTS = 400
 """Of one link; of all together where links share their surroundings."""
+
+
+class Crowding(NamedTuple):
+    """How the powers at a place go together with those at others.
+
+    Attributes:
+        level: sum of their correlations.
+        spread: sum of the greatest squared correlations of their terms: of scatter beside a direct path, power goes
+            with the field itself.
+    """
+
+    level: float
+    spread: float
 
 
 class Spots:
@@ -22,8 +37,8 @@ class Spots:
         self._apart = apart
         self._seen: dict[int, list[HeardPower]] = {}
 
-    def crowding(self, look: HeardPower) -> float | None:
-        """Keep a place, and return the sum of its correlations with those before it; None: it is too near to one.
+    def crowding(self, look: HeardPower) -> Crowding | None:
+        """Keep a place, and return how it goes together with those before it; None: it is too near to one.
 
         The way between two places is that of one end and of the other; where links share their surroundings, it is
         the shortest from any end to any. Where all pairs share one field, places of any pair count, in both directions.
@@ -33,13 +48,15 @@ class Spots:
         seen = self._seen.setdefault(-1 if alike else look.link, [])
         if len(seen) >= MAX_SPOTS:
             return None
-        crowding = 0.0
+        crowding = Crowding(0.0, 0.0)
         if seen:
             others = HeardPowers.of(seen)
             if _nearest_m(look, others, shared=shared) < self._apart * lasting_m(look.radio):
                 return None
             each = correlations(look, others)
-            crowding = float(np.max((each.shadowing, each.sight, np.square(each.fading)), axis=0).sum())
+            level = np.max((each.shadowing, each.sight, np.square(each.fading)), axis=0)
+            strongest = np.max(np.abs(each), axis=0)
+            crowding = Crowding(float(level.sum()), float(np.square(strongest).sum()))
         seen.append(look)
         return crowding
 
