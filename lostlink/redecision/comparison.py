@@ -39,23 +39,23 @@ class LinkChange:
 
 @dataclass(frozen=True, slots=True)
 class BinChange:
-    """A distance bin of a directed link: shares of the packets with a place there.
+    """The packets of a directed link over a bin of distance.
 
     Attributes:
-        measured_before: delivered, as recorded.
-        measured_after: delivered, as decided anew.
-        predicted_after: the new channel's mean probability of delivery over the true geometries; where packets take
-            time on the air that of their first transmissions, each as if alone.
+        sent: so many, lost or not; those that no channel had to decide have no distance.
+        delivered_before: of these, as recorded.
+        delivered_after: as decided anew.
+        predicted_after: the new radio's mean probability of delivery over the true geometries; None where packets take
+            time on the air, which loses and delays them besides.
     """
 
     tx: str
     rx: str
     distance_min_m: float
     distance_max_m: float
-    sent_before: int
-    sent_after: int
-    measured_before: float | None
-    measured_after: float | None
+    sent: int
+    delivered_before: int
+    delivered_after: int
     predicted_after: float | None
 
 
@@ -67,8 +67,7 @@ class DecisionComparison:
         fates: how many there are in both.
         changed: how many of them differ.
         changes: from what to what, ``[{"before": cause, "after": cause, "packets": count}]``.
-        is_same: whether fates, instants of arrival, powers and error rates are the same, bit by bit, of what both sides
-            have.
+        differs: whether a fate, an instant of arrival, a power or an error rate differs, bit by bit, of those in both.
         not_compared: fates that only one side has: a killed run's files end at different ticks.
         links: per directed link.
         bins: per directed link and distance.
@@ -77,14 +76,19 @@ class DecisionComparison:
     fates: int
     changed: int
     changes: tuple[dict[str, Any], ...]
-    is_same: bool
+    differs: bool
     not_compared: int
     links: tuple[LinkChange, ...]
     bins: tuple[BinChange, ...]
 
+    @property
+    def is_same(self) -> bool:
+        """Whether nothing differs, and nothing is missing."""
+        return not self.differs and not self.not_compared
+
     def as_plain(self) -> dict[str, Any]:
         """In plain types."""
-        return asdict(self)
+        return {**asdict(self), "is_same": self.is_same}
 
 
 def compare_decisions(
@@ -95,7 +99,7 @@ def compare_decisions(
     Args:
         before: what was recorded.
         after: of the same packets.
-        bins: of the ledger of ``after``, for what was predicted.
+        bins: of the ledgers of ``after`` where packets take no time, for what was predicted.
     """
     one, other = before.each(), after.each()
     in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())
@@ -110,12 +114,12 @@ def compare_decisions(
         int(pairs.sum()),
         int(changed.sum()),
         _changes(changed),
-        not changed.any()
-        and np.array_equal(one.columns["arrived_ns"], other.columns["arrived_ns"])
-        and all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
+        bool(changed.any())
+        or not np.array_equal(one.columns["arrived_ns"], other.columns["arrived_ns"])
+        or not all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
         missing,
         _links(one, other),
-        _bins(before, after, bins),
+        _bins(one, other, bins),
     )
 
 
@@ -164,29 +168,35 @@ def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
     }
 
 
-def _bins(
-    before: DeliveryRows, after: DeliveryRows, predicted: Sequence[BinSummary]
-) -> tuple[BinChange, ...]:
-    was, is_now = _measured(before), _measured(after)
-    booked: dict[tuple[str, str, float], BinSummary] = {}
+def _bins(one: DeliveryRows, other: DeliveryRows, predicted: Sequence[BinSummary]) -> tuple[BinChange, ...]:
+    """Of the same packets on both sides, which either has the distance of."""
+    here, there = (side.columns["distance_m"] for side in (one, other))
+    distance_m = np.where(np.isnan(there), here, there)
+    placed = np.flatnonzero(~np.isnan(distance_m))
+    number = np.floor_divide(distance_m[placed], BIN_WIDTH_M).astype(np.int64)
+    rows = np.stack((one.columns["tx"][placed], one.columns["rx"][placed], number), axis=-1)
+    bins, which = np.unique(rows, axis=0, return_inverse=True)
+    delivered = [side.is_delivered[placed] for side in (one, other)]
+    counts = [
+        np.bincount(which.reshape(-1), each, len(bins)).astype(np.int64).tolist()
+        for each in (np.ones(len(placed)), *delivered)
+    ]
+    chances = _chances(predicted)
+    found = []
+    for (tx, rx, place), sent, before, after in zip(bins.tolist(), *counts, strict=True):
+        start_m = place * BIN_WIDTH_M
+        key = one.nodes[tx], one.nodes[rx], start_m
+        found.append(BinChange(*key, start_m + BIN_WIDTH_M, sent, before, after, chances.get(key)))
+    return tuple(sorted(found, key=lambda row: (row.tx, row.rx, row.distance_min_m)))
+
+
+def _chances(predicted: Sequence[BinSummary]) -> dict[tuple[str, str, float], float]:
+    """Mean probability of delivery by link and distance, of all networks together."""
+    found: dict[tuple[str, str, float], BinSummary] = {}
     for row in predicted:
         key = row.tx, row.rx, row.distance_min_m
-        booked[key] = _together(booked[key], row) if key in booked else row
-    found = []
-    for key in sorted(was.keys() | is_now.keys()):
-        (sent, delivered), (sent_now, delivered_now) = (side.get(key, (0, 0)) for side in (was, is_now))
-        found.append(
-            BinChange(
-                *key,
-                key[2] + BIN_WIDTH_M,
-                sent,
-                sent_now,
-                delivered / sent if sent else None,
-                delivered_now / sent_now if sent_now else None,
-                booked[key].predicted if key in booked else None,
-            )
-        )
-    return tuple(found)
+        found[key] = _together(found[key], row) if key in found else row
+    return {key: row.predicted for key, row in found.items()}
 
 
 def _together(one: BinSummary, other: BinSummary) -> BinSummary:
@@ -194,19 +204,3 @@ def _together(one: BinSummary, other: BinSummary) -> BinSummary:
     sent, delivered = one.sent + other.sent, one.delivered + other.delivered
     predicted = (one.sent * one.predicted + other.sent * other.predicted) / sent
     return one._replace(sent=sent, delivered=delivered, measured=delivered / sent, predicted=predicted)
-
-
-def _measured(decided: DeliveryRows) -> dict[tuple[str, str, float], tuple[int, int]]:
-    """Packets and delivered ones by link and distance."""
-    c = decided.columns
-    placed = np.flatnonzero(~np.isnan(c["distance_m"]))
-    number = np.floor_divide(c["distance_m"][placed], BIN_WIDTH_M).astype(np.int64)
-    rows = np.stack((c["tx"][placed], c["rx"][placed], number), axis=-1)
-    bins, which = np.unique(rows, axis=0, return_inverse=True)
-    which = which.reshape(-1)
-    sent = np.bincount(which, minlength=len(bins)).tolist()
-    delivered = (
-        np.bincount(which, c["fate"][placed] == DELIVERED, minlength=len(bins)).astype(np.int64).tolist()
-    )
-    names = [(decided.nodes[tx], decided.nodes[rx], n * BIN_WIDTH_M) for tx, rx, n in bins.tolist()]
-    return dict(zip(names, zip(sent, delivered, strict=True), strict=True))

@@ -89,8 +89,21 @@ class Redecision:
     def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
         return compare_decisions(
-            self.before, self.after, [row for each in self.books for row in each.ledger.bins()]
+            self.before,
+            self.after,
+            [row for each in self.books if not each.takes_time for row in each.ledger.bins()],
         )
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether what is decided is not what was recorded, as far as can be said.
+
+        What a killed run lacks is not held against it; nor, where packets take time, that others had less to wait for.
+        """
+        if not was_cut(self.run):
+            return not self.comparison.is_same
+        takes_time = any(each.takes_time for each in self.books)
+        return self.comparison.changed > 0 if takes_time else self.comparison.differs
 
     @property
     def is_routed(self) -> bool:

@@ -46,7 +46,7 @@ def sentence(comparison: DecisionComparison) -> str:
         changes = sorted(comparison.changes, key=lambda c: -c["packets"])
         parts = [f"{c['packets']} {_words(c['before'])} -> {_words(c['after'])}" for c in changes]
         text = f"{comparison.changed} of {comparison.fates} fates are other: {', '.join(parts)}"
-    elif comparison.is_same:
+    elif not comparison.differs:
         text = f"all {comparison.fates} fates are the same, with their powers and error rates, at the same instants"
     else:
         text = f"all {comparison.fates} fates are the same, but not all powers, error rates and instants of arrival"
@@ -104,23 +104,19 @@ def _lost(counts: Iterable[dict[str, int]]) -> str:
 
 def _bins_table(bins: Sequence[BinChange]) -> Table:
     """All links together, by distance."""
-    table = _table(
-        "Probability of delivery by distance, all links",
-        "distance, m",
-        "packets",
-        "before",
-        "after",
-        "predicted",
-    )
+    predicts = any(row.predicted_after is not None for row in bins)
+    columns = ("distance, m", "packets", "before", "after", *(["predicted"] if predicts else []))
+    table = _table("Share delivered by distance, all links", *columns)
     for start_m in sorted({each.distance_min_m for each in bins}):
         rows = [each for each in bins if each.distance_min_m == start_m]
-        before = [(row.sent_before, row.measured_before) for row in rows]
-        after = [(row.sent_after, row.measured_after) for row in rows]
-        predicted = [(row.sent_after, row.predicted_after) for row in rows]
-        sent = sum(row.sent_after for row in rows)
-        means = (_mean(before), _mean(after), _mean(predicted))
-        shares = ("-" if share is None else f"{share:.3f}" for share in means)
-        table.add_row(f"{start_m:.0f}-{rows[0].distance_max_m:.0f}", str(sent), *shares)
+        sent = sum(row.sent for row in rows)
+        before, after = (
+            sum(each) for each in zip(*((r.delivered_before, r.delivered_after) for r in rows), strict=True)
+        )
+        shares = [before / sent, after / sent]
+        shares += [_mean((row.sent, row.predicted_after) for row in rows)] if predicts else []
+        cells = ("-" if share is None else f"{share:.3f}" for share in shares)
+        table.add_row(f"{start_m:.0f}-{rows[0].distance_max_m:.0f}", str(sent), *cells)
     return table
 
 

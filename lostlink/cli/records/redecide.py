@@ -77,9 +77,7 @@ def redecide(
         click.echo(json.dumps(plain_of(result) | written))
     else:
         _tell(result, out, quiet=quiet)
-    is_same_radio = radio is None and seed is None and not settings
-    comparison = result.comparison
-    differs = is_same_radio and not comparison.is_same
+    differs = radio is None and seed is None and not settings and result.disagrees
     sys.exit(DISAGREES if differs or verdict_on(result).outcome is RunOutcome.FAIL else 0)
 
 

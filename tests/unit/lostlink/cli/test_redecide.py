@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import yaml
 from click.testing import CliRunner, Result
@@ -76,7 +77,27 @@ def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the
     scenario.write_text(yaml.safe_dump(told))
     result = redecide(made, "--json")
     found = json.loads(result.stdout)
-    assert (found["changed"], found["not_compared"] > 0, found["is_same"]) == (0, is_cut, False)
+    assert (found["changed"], found["not_compared"] > 0, found["differs"]) == (0, is_cut, True)
+    assert result.exit_code == 1
+
+
+def test_of_a_killed_run_on_a_slow_medium_what_is_missing_is_no_error(tmp_path: Path) -> None:
+    made = flown(tmp_path / "made", scenario_of("telemetry-915", NODES), 40, killed=True)
+    stream = min((made / "streams" / "packets").iterdir())
+    stream.write_bytes(stream.read_bytes()[:-400])
+    result = redecide(made, "--json")
+    found = json.loads(result.stdout)
+    assert (found["differs"], found["changed"], found["not_compared"] > 0) == (True, 0, True)
+    assert result.exit_code == 0
+
+
+def test_a_packet_that_is_missing_of_a_whole_run_is_an_error(tmp_path: Path) -> None:
+    made = flown(tmp_path / "made", scenario_of("perfect", NODES), 10)
+    table = pq.read_table(made / "deliveries.parquet")
+    pq.write_table(table.slice(1), made / "deliveries.parquet")
+    result = redecide(made, "--json")
+    found = json.loads(result.stdout)
+    assert (found["differs"], found["not_compared"], found["is_same"]) == (False, 1, False)
     assert result.exit_code == 1
 
 
