@@ -8,13 +8,15 @@ from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from bridge.bus.keys import MAIN
-from bridge.scenario.resolve.channel import RadioChannel
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
 from channel.routing.routed import RoutingCounts
+
+if TYPE_CHECKING:
+    from bridge.scenario.resolve.channel import RadioChannel
 
 LEDGER = "ledger.json"
 BINS_OF_PACKETS = "packets"

@@ -231,8 +231,9 @@ def _smeared(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the curve averaged over random shifts of the SNR, on the part of the grid where it changes.
 
-    Between the points of the grid, which is even, the curve is straight, and beyond it as at its ends: each shift
-    moves it by a whole number of steps and a part of one, the same for all points.
+    Between the points of the grid, whose step is `CURVE_STEP_DB`, the curve is straight, and beyond it as at its ends:
+    each shift moves it by a whole number of steps and a part of one, the same for all points. A shift past the whole
+    grid (minus infinity, if fading leaves nothing) has the value of its end.
     """
     steps = np.diff(success, prepend=success[0])
     changing = np.flatnonzero(np.abs(steps) > 1e-13)
@@ -241,7 +242,7 @@ def _smeared(
     low = grid_db[changing[0]] - np.max(shift_db) - 1.0
     high = grid_db[changing[-1]] - np.min(shift_db[weights > 1e-9]) + 1.0
     begin, end = np.searchsorted(grid_db, low), np.searchsorted(grid_db, high, side="right")
-    within, whole = np.modf(shift_db * CURVE_STEPS_PER_DB)
+    within, whole = np.modf(np.clip(shift_db * CURVE_STEPS_PER_DB, -2.0 * grid_db.size, 2.0 * grid_db.size))
     first = begin + whole.astype(np.intp) - (within < 0.0)
     within += within < 0.0
     before = max(0, -int(np.min(first)))

@@ -25,7 +25,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -250,11 +249,19 @@ def load_all() -> None:
     _freeze()
 
 
+def _measures_more(directory: Path) -> bool:
+    """Whether a case is measured by functions of the user's own; one without a plan says so itself."""
+    with suppress(OSError, ValueError, LookupError):
+        return bool(CasePlan.read(directory).metrics)
+    return False
+
+
 def load_frames() -> None:
-    """Import what a user's own metrics most likely ask for, if it is installed."""
-    if FRAMES not in sys.modules and find_spec(FRAMES) is not None:
-        import_module(FRAMES)
-        _freeze()
+    """Import what a user's own metrics most likely ask for; where it cannot be, they are told when they do."""
+    if FRAMES not in sys.modules:
+        with suppress(Exception):
+            import_module(FRAMES)
+            _freeze()
 
 
 def _freeze() -> None:
@@ -267,9 +274,8 @@ def main() -> int:
     load_all()
     for line in sys.stdin:
         directory = Path(line.rstrip("\n"))
-        with suppress(OSError, ValueError):  # a case without a plan says so itself
-            if CasePlan.read(directory).metrics:
-                load_frames()
+        if _measures_more(directory):
+            load_frames()
         fly_forked(directory)
         print(line, end="", flush=True)
     return 0

@@ -76,6 +76,40 @@ def test_own_fading_lasts_as_its_coherence_says():
     assert drawn["packet"] > 390
 
 
+OUTAGE = """
+import numpy as np
+from channel.fading.laws import CoherentFading
+
+
+class Outage(CoherentFading):
+    depth_db: float
+
+    @property
+    def left_db(self):
+        return self.depth_db if self.depth_db > -1e9 else -np.inf
+
+    def gain_db(self, first, second, elevation_deg):
+        return np.where(np.asarray(first) < 0.2, self.left_db, 0.0) + 0.0 * elevation_deg
+
+    def rule(self, elevation_deg, panels):
+        shape = np.shape(elevation_deg)
+        return np.broadcast_to([self.left_db, 0.0], (*shape, 2)), np.broadcast_to([0.2, 0.8], (*shape, 2))
+"""
+
+
+@pytest.mark.parametrize("depth_db", [-40.0, -1e8, -1e9])
+def test_own_fading_may_leave_nothing(depth_db, tmp_path):
+    file = tmp_path / "outage.py"
+    file.write_text(OUTAGE)
+    still = {"shadowing": {"model": "none"}}
+    fading = {"class": f"{file}:Outage", "depth_db": depth_db}
+    radio = Radio(presets.load_radio("corrected", still | {"fading": fading}))
+    plain = Radio(presets.load_radio("corrected", still | {"fading": {"model": "none"}}))
+    distance_m = np.array([100.0, 1000.0])
+    wanted = 0.8 * plain.probability_of_delivery(distance_m)
+    assert radio.probability_of_delivery(distance_m) == pytest.approx(wanted, abs=1e-5)
+
+
 def test_own_noise_and_bursts():
     radio = radio_with("noise", "bursts")
     assert radio.noise_floor_dbm == pytest.approx(

@@ -79,6 +79,13 @@ def test_text_that_is_not_yaml(tmp_path):
         presets.load_radio(file)
 
 
+def test_a_file_that_is_nested_too_deeply_is_refused(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("a: " + "[" * 100_000)
+    with pytest.raises(PresetError, match=r"mine\.yaml: is not YAML"):
+        presets.load_radio(file)
+
+
 def test_settings_become_overrides():
     tree = presets.overrides_from_settings(
         ["propagation.exponent=3", "frequency_hz=2.4e9", "noise.model=thermal"]
