@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol, Self
@@ -199,6 +200,8 @@ class Flight:
         finally:
             if self._view_watch is not None:
                 self._view_watch.cancel()
+                with suppress(asyncio.CancelledError):
+                    await self._view_watch
             with self._lock:
                 self._loop = None
         for name in fleet.killed:
@@ -213,7 +216,7 @@ class Flight:
     async def _view_joins(self) -> None:
         assert self.view is not None
         self._watcher.on_phase("waits for the view")
-        if failure := await anext(self.view):
+        if failure := await anext(self.view, ""):
             self._watcher.on_error(failure)
         self._view_watch = asyncio.create_task(self._tell_failures(self.view))
 

@@ -83,8 +83,8 @@ class ViewProcess:
         if await self._is_served():
             yield ""
         else:
-            what = f"is not served after {VIEW_S:g} s" if self.is_open else "has ended"
             self._is_told = not self.is_open
+            what = "has ended" if self._is_told else f"is not served after {VIEW_S:g} s"
             yield f"the view {what}: the run begins without it; {log}"
         while self.is_open:  # noqa: ASYNC110 - a process of subprocess has no event
             await asyncio.sleep(LOOK_AGAIN_S)
