@@ -32,14 +32,14 @@ def own_heap():
 
 
 def abuses(*short: str) -> list[Any]:
-    """All abuses, of which those named are shown in short."""
+    """All abuses; those but the ones that are named are for long tests."""
     rest = (pytest.param(name, marks=pytest.mark.long) for name in ABUSES if name not in {"nobody", *short})
     return [*short, *rest]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", [pytest.param("clock", marks=pytest.mark.long), "standin"])
-@pytest.mark.parametrize("abuse", abuses("0xFD", "stall", "connections"))
+@pytest.mark.parametrize("abuse", abuses("0xFD", "0xFE", "stall", "connections"))
 def test_a_witness_loses_nothing_to_an_abuser(abuse, autopilot):
     row = measure(abuse, 3.0, autopilot)
     assert row["growth_mb"] < LIMIT_GROWTH_MB

@@ -34,7 +34,6 @@ TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
-long_if_many = pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 
 
 def ports_of(run: Run) -> list[tuple[socket.SocketKind, int]]:
@@ -234,7 +233,7 @@ main()
 """
 
 
-@long_if_many
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_port_that_is_taken_after_the_look_at_it_is_no_start(
     tmp_path: Path, free_slot: Callable[[int], int], processes: str
 ) -> None:
@@ -471,7 +470,7 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     assert_nothing_is_left(run, children)
 
 
-@long_if_many
+@both
 def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: str) -> None:
     """No file of the run may have more than so many bytes, which its tables and streams soon want."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -536,7 +535,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
 @pytest.mark.parametrize(
     ("processes", "victim", "name", "ending"),
     [
-        pytest.param("many", "bridge.host.process", "host-0", "interrupted", marks=pytest.mark.long),
+        ("many", "bridge.host.process", "host-0", "interrupted"),
         pytest.param("many", "bridge.radio.process", "router", "failed", marks=pytest.mark.long),
         slow("one", PROGRAM, "fleet", "failed"),
     ],

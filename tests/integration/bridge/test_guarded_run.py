@@ -118,7 +118,6 @@ def do_what_strangers_do(run: Run) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
 def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
     start_run: StartRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:

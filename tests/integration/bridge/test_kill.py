@@ -39,6 +39,7 @@ PROCESSES = {
     "supervisor of one": ("one", ""),
 }
 LIKE_OTHERS = {"router", "supervisor"}
+"""Long tests: the fleet's one process has the router's writers, and a supervisor of one is a supervisor."""
 
 
 def column(run: Run, table: Table, name: str) -> NDArray[Any]:

@@ -34,9 +34,9 @@ def test_a_right_run_passes(name):
     ("changes", "check"),
     [
         ({"propagation": {"exponent": 2.4}}, "level of the powers"),
-        pytest.param({"shadowing": {"sigma_db": 5.0}}, "spread of the powers", marks=pytest.mark.long),
+        pytest.param({"shadowing": {"sigma_db": 5.0}}, "spread of the powers", marks=pytest.mark.slow),
         pytest.param({"noise": {"noise_figure_db": 7.0}}, "noise", marks=pytest.mark.slow),
-        pytest.param({"base_loss": 0.08}, "base loss", marks=pytest.mark.long),
+        pytest.param({"base_loss": 0.08}, "base loss", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_run_fails_by_what_is_wrong(changes, check):
