@@ -72,7 +72,8 @@ class Step:
     """For so long it is sent again when it is rejected for now (MAV_RESULT_TEMPORARILY_REJECTED)."""
     shown: Callable[[VehicleState], bool] | None = None
     """Of a mode that is acknowledged before it is entered: whether the state shows that it was. If a later heartbeat
-    does not, it counts as rejected for now; without heartbeats it has MODE_TIMEOUT_S of the autopilot's time."""
+    does not, it counts as rejected for now; without heartbeats it has MODE_TIMEOUT_S of the autopilot's time. Of a
+    mission's last step, all that shows that the mission has begun."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ def _module(source: str) -> ast.Module:
 
 @lru_cache(maxsize=SOURCES_KEPT)
 def _words_in(source: str) -> frozenset[str]:
-    return frozenset(_words_of(ast.parse(source)))
+    return frozenset(_words_of(_module(source)))
 
 
 def _words_of(module: ast.Module) -> Iterator[str]:

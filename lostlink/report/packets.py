@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.radio.ledger_file import BINS_OF_PACKETS
 from channel.medium.ledger import BIN_WIDTH_M
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies
 from lostlink.reading.links import counts_of
@@ -179,4 +180,6 @@ def bins_of(rows: DeliveryRows) -> list[dict[str, Any]]:
     low_m = keys % span * BIN_WIDTH_M
     columns = {"tx": tx, "rx": rx, "distance_min_m": low_m, "distance_max_m": low_m + BIN_WIDTH_M}
     shares = {"sent": sent, "delivered": delivered, "measured": delivered / np.maximum(sent, 1)}
-    return [row | {"predicted": None, "ci99": None} for row in rows_of(columns | shares)]
+    return [
+        row | {"of": BINS_OF_PACKETS, "predicted": None, "ci99": None} for row in rows_of(columns | shares)
+    ]

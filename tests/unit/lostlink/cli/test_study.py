@@ -68,6 +68,7 @@ def test_a_figure_that_fails_is_told_in_a_line_after_the_table_and_the_others_ar
 
 def test_the_means_of_each_setting_are_shown_and_not_in_json(file: Path) -> None:
     shown = run(file).stdout
+    assert "means over the seeds ± standard error\n" in shown
     assert " runs   passed    delivery " in shown
     assert "2        2   0.5 (n=1)" in shown
     assert "passed  " not in run(file, "--json").stdout
