@@ -156,7 +156,8 @@ class Feeder:
         """Report what the agent's code raised, and where."""
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
-            self.tell(f"{type(error).__name__} {when}: {error or text}")
+            why = ("" if error is None else str(error)) or text
+            self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""

@@ -588,6 +588,16 @@ def test_a_callback_that_exits_is_reported_by_what_it_raised(
     assert agent.runner.join(5.0)
 
 
+def test_an_exception_without_a_text_is_told_by_its_name_alone(flown: list[Flown]) -> None:
+    class Faulty(Agent):
+        async def fly(self) -> None:
+            raise AssertionError
+
+    flown.append(Flown(Faulty))
+    flown[0].tick()
+    assert [status.activity for status in flown[0].outlet.reports] == ["AssertionError in flight"]
+
+
 def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:
     class Stubborn(Agent):
         async def fly(self) -> None:
@@ -617,8 +627,12 @@ def test_a_thread_that_ends_says_so_and_leaves_no_tick_open(how: str) -> None:
     agent = Flown(Gone)
     agent.ticks(3)
     [failed] = [status.activity for status in agent.outlet.reports if status.failed]
-    assert failed.startswith(
-        {"exit": "SystemExit in its thread", "cancelled": "CancelledError in flight"}[how]
+    assert (
+        failed
+        == {
+            "exit": "SystemExit in its thread: enough",
+            "cancelled": "CancelledError in flight: it awaited what had been cancelled",
+        }[how]
     )
     agent.runner.ask_to_stop()
     assert agent.runner.join(5.0)
