@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bridge.scenario.agents import OwnAgent
+from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import (
     DEFAULT_SCENARIO,
     SCENARIOS,
@@ -188,6 +189,29 @@ def test_changes_of_the_command_line_are_checked_too() -> None:
     assert changed.fdm_port(changed.ua[1]) == 9002 + 10 * 4
     with pytest.raises(ScenarioError, match=r"duration_s: .*greater than 0"):
         with_changes(scenario, {"duration_s": -1.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [('nodes.1.agent.options.x="\\ud800"', "nodes.1.agent.options.x"), ('name="a\\udc00"', "name")],
+)
+def test_a_text_that_utf8_cannot_encode_is_refused_with_key_and_value(text: str, key: str) -> None:
+    setting = parse_setting(text)
+    said = f"--set {text}: {key}: has to be text that UTF-8 can encode (got {setting.value!r})"
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario("separation", [setting])
+    assert str(caught.value) == said
+    with pytest.raises(ScenarioError, match="that UTF-8 can encode"):
+        with_changes(read_scenario("separation"), {key: setting.value})
+
+
+def test_a_key_that_utf8_cannot_encode_is_refused_with_its_line() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(f'{TEXT}\n"\\ud800": {{}}\n', "mine.yaml")
+    line = len(TEXT.splitlines()) + 2
+    assert str(caught.value) == (
+        f"mine.yaml:{line}: \\ud800: has to be text that UTF-8 can encode (got '\\ud800')"
+    )
 
 
 @pytest.fixture
