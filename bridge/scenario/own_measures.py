@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue, model_validator
 
-from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, Share, bounds, when
-from bridge.scenario.parts import Finite, PlacedName
+from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, bounds, when
+from bridge.scenario.parts import A_NUMBER, Finite, PlacedName
 
 
 class _Measured(ExpectationPart):
@@ -42,7 +42,7 @@ class LoggedExpectation(_Measured):
     key: str | None = None
     node: NodeId | None = None
     between_s: Interval | None = None
-    for_: Annotated[Share, Field(alias="for", gt=0)] = 1.0
+    for_: Annotated[float, Field(alias="for", gt=0, le=1), A_NUMBER] = 1.0
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> LoggedExpectation:

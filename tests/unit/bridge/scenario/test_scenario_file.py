@@ -118,6 +118,10 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("schema: 1", "schema: 2", "schema", "has to be 1 (got 2)"),
         ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
         ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
+        ("duration_s: 600 ", "duration_s: true ", "duration_s", "has to be a number (got true)"),
+        ("north_m: 5", "north_m: yes", "nodes.1.home.north_m", "has to be a number (got true)"),
+        ("seed: 1", "take_off_at_s: off", "take_off_at_s", "has to be a number (got false)"),
+        ("seed: 1", "seed: true", "seed", "has to be a whole number (got true)"),
     ],
 )
 def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
