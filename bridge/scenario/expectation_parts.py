@@ -42,6 +42,16 @@ class ExpectationPart(Part):
     name: str = ""
 
 
+def check_bounds(at_least: float | None, at_most: float | None) -> None:
+    """See that something lies between two bounds.
+
+    Raises:
+        ValueError: nothing does.
+    """
+    if at_least is not None and at_most is not None and at_least > at_most:
+        raise ValueError(f"at least {at_least:g} and at most {at_most:g}: nothing is both")
+
+
 def bounds(at_least: float | None, at_most: float | None, unit: str = "") -> str:
     """Bounds in words; None: there is none."""
     words = (("at least", at_least), ("at most", at_most))

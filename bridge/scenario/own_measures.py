@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
-from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, bounds, when
+from bridge.scenario.expectation_parts import (
+    ExpectationPart,
+    Interval,
+    NodeId,
+    Nodes,
+    bounds,
+    check_bounds,
+    when,
+)
 from bridge.scenario.parts import A_NUMBER, Finite, PlacedName
 
 
@@ -19,6 +27,11 @@ class _Measured(ExpectationPart):
 
     at_least: Finite | None = None
     at_most: Finite | None = None
+
+    @model_validator(mode="after")
+    def _bounds_are_in_order(self) -> Self:
+        check_bounds(self.at_least, self.at_most)
+        return self
 
     def holds(self, value: float) -> bool:
         """Whether a number is within the bounds; one that is none is not."""

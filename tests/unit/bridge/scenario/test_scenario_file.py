@@ -134,6 +134,21 @@ def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: 
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "expectation",
+    [
+        "{type: separation, at_least_m: 50, at_most_m: 35}",
+        "{type: delivery, at_least: 0.9, at_most: 0.5}",
+        "{type: logged, value: error_m, at_least: 8, at_most: 3}",
+        "{type: function, function: mine.py:ticks, at_least: 8, at_most: 3}",
+    ],
+)
+def test_bounds_that_nothing_is_between_are_refused(expectation: str) -> None:
+    said = r"x:\d+: expectations\.0[.a-z]*: at least [\d.]+ and at most [\d.]+: nothing is both$"
+    with pytest.raises(ScenarioError, match=said):
+        parse_scenario(f"{TEXT}\nexpectations:\n  - {expectation}\n", "x")
+
+
 def test_unknown_airframe_is_named_with_the_known_ones() -> None:
     said = (
         r"x:\d+: nodes\.0\.airframe: unknown airframe 'f451'; did you mean f450\? Known are aerosonde, f450"
