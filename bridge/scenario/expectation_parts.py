@@ -7,10 +7,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from bridge.scenario.parts import Part
+from bridge.scenario.parts import A_NUMBER, Part
 
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False), A_NUMBER]
+Share = Annotated[float, Field(ge=0, le=1), A_NUMBER]
 
 
 def _rising(interval: tuple[float, float]) -> tuple[float, float]:
@@ -40,6 +40,16 @@ class ExpectationPart(Part):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
     name: str = ""
+
+
+def check_bounds(at_least: float | None, at_most: float | None) -> None:
+    """See that something lies between two bounds.
+
+    Raises:
+        ValueError: nothing does.
+    """
+    if at_least is not None and at_most is not None and at_least > at_most:
+        raise ValueError(f"at least {at_least:g} and at most {at_most:g}: nothing is both")
 
 
 def bounds(at_least: float | None, at_most: float | None, unit: str = "") -> str:

@@ -6,7 +6,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, Share, bounds, when
+from bridge.scenario.expectation_parts import (
+    ExpectationPart,
+    Interval,
+    NodeId,
+    Nodes,
+    Share,
+    bounds,
+    check_bounds,
+    when,
+)
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
 from bridge.scenario.parts import Metres, Positive
 
@@ -45,6 +54,7 @@ class DeliveryExpectation(ExpectationPart):
     def _has_a_bound(self) -> DeliveryExpectation:
         if self.at_least is None and self.at_most is None:
             raise ValueError("give at_least, at_most or both, a share from 0 to 1")
+        check_bounds(self.at_least, self.at_most)
         return self
 
     @property
@@ -158,6 +168,7 @@ class SeparationExpectation(ExpectationPart):
     def _has_a_bound(self) -> SeparationExpectation:
         if self.at_least_m is None and self.at_most_m is None:
             raise ValueError("give at_least_m, at_most_m or both")
+        check_bounds(self.at_least_m, self.at_most_m)
         return self
 
     @property

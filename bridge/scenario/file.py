@@ -16,6 +16,7 @@ from bridge.scenario.expand.groups import is_of_a_group, refuse_same_ids, with_g
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.names import with_known_names
+from bridge.scenario.mistakes.texts import refuse_no_texts
 from bridge.scenario.model import Scenario
 
 __all__ = [
@@ -62,7 +63,9 @@ def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
     """
     content = scenario.model_dump(mode="json", by_alias=True)
     root = written_at(content, WrittenPlace(scenario.name, None, Path.cwd()))
-    return _validated(with_settings(root, settings_of(changes)))
+    root = with_settings(root, settings_of(changes))
+    refuse_no_texts(root)
+    return _validated(root)
 
 
 def _scenario_of(root: Written, overrides: Overrides) -> Scenario:
@@ -70,6 +73,7 @@ def _scenario_of(root: Written, overrides: Overrides) -> Scenario:
     of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each.steps)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
     root = with_settings(with_groups_expanded(root), of_nodes)
+    refuse_no_texts(root)
     refuse_same_ids(root)
     root = with_absolute_files(root)
     return with_known_names(root, _validated(root))

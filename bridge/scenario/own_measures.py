@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
-from bridge.scenario.expectation_parts import ExpectationPart, Interval, NodeId, Nodes, Share, bounds, when
-from bridge.scenario.parts import Finite, PlacedName
+from bridge.scenario.expectation_parts import (
+    ExpectationPart,
+    Interval,
+    NodeId,
+    Nodes,
+    bounds,
+    check_bounds,
+    when,
+)
+from bridge.scenario.parts import A_NUMBER, Finite, PlacedName
 
 
 class _Measured(ExpectationPart):
@@ -19,6 +27,11 @@ class _Measured(ExpectationPart):
 
     at_least: Finite | None = None
     at_most: Finite | None = None
+
+    @model_validator(mode="after")
+    def _bounds_are_in_order(self) -> Self:
+        check_bounds(self.at_least, self.at_most)
+        return self
 
     def holds(self, value: float) -> bool:
         """Whether a number is within the bounds; one that is none is not."""
@@ -42,7 +55,7 @@ class LoggedExpectation(_Measured):
     key: str | None = None
     node: NodeId | None = None
     between_s: Interval | None = None
-    for_: Annotated[Share, Field(alias="for", gt=0)] = 1.0
+    for_: Annotated[float, Field(alias="for", gt=0, le=1), A_NUMBER] = 1.0
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> LoggedExpectation:

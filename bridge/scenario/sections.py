@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from bridge.scenario.parts import Finite, Latitude, Longitude, Part, Port, Positive, Slug
+from bridge.scenario.parts import A_NUMBER, Finite, Latitude, Longitude, Part, Port, Positive, Slug
 from bridge.timeouts import STALL_S
 from fdm.exchange.settings import Coupling, Placement, Workers
 from fdm.model.px4_sensors import Px4Sensors
 from fdm.model.sensor_noise import SensorNoise
 
 AUTO = "auto"
+UpToOneSecond = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False), A_NUMBER]
 
 
 def _workers(value: object) -> object:
@@ -84,9 +85,9 @@ class Transmit(Part):
     channel: Slug = "team"
     every_ticks: Annotated[int, Field(strict=True, ge=1)] = 1
     frequency_mhz: Annotated[int, Field(strict=True, ge=1, le=65535)] = 2412
-    phase_s: Literal["drawn"] | Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = "drawn"
-    processing_s: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.001
-    processing_spread_s: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.001
+    phase_s: Literal["drawn"] | UpToOneSecond = "drawn"
+    processing_s: UpToOneSecond = 0.001
+    processing_spread_s: UpToOneSecond = 0.001
 
 
 class Ports(Part):

@@ -18,7 +18,7 @@ from bridge.scenario.expectations import (
 )
 from bridge.scenario.model import Scenario
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
-from lostlink.expectations.measures import measured, share_within
+from lostlink.expectations.measures import MeasureError, measured, share_within
 from lostlink.expectations.packets import PacketFinder
 from lostlink.expectations.places import PlaceFinder
 
@@ -68,10 +68,11 @@ def judge(
         scenario: what was flown.
         ending: how it ended, as in summary.json.
         expectations: what to judge; those of the scenario unless given.
-        as_far_as_possible: what cannot be judged is not met, and says why.
+        as_far_as_possible: what cannot be judged because a table cannot be read is not met, and says why; so is in
+            any case a measure of the user's own that says nothing to judge.
 
     Raises:
-        ValueError, OSError: a table cannot be read, or a measure not be judged, unless ``as_far_as_possible``.
+        ValueError, OSError: a table cannot be read, unless ``as_far_as_possible``.
     """
     wanted = scenario.expectations if expectations is None else expectations
     judges = _Judge(run, scenario, PacketFinder(run, scenario), PlaceFinder(run, scenario), ending)
@@ -87,7 +88,10 @@ class _Judge:
     ending: str
 
     def judgement(self, wanted: Expectation) -> Judgement:
-        found, unit, passed = self._found(wanted)
+        try:
+            found, unit, passed = self._found(wanted)
+        except MeasureError as error:
+            return _unjudged(wanted, error)
         shown = round(found, 6) if isinstance(found, float) else found
         return Judgement(wanted.title, wanted.type, wanted.wanted, shown, unit, passed)
 
@@ -95,9 +99,7 @@ class _Judge:
         try:
             return self.judgement(wanted)
         except (OSError, ValueError) as error:
-            return Judgement(
-                wanted.title, wanted.type, wanted.wanted, None, "", passed=False, error=str(error)
-            )
+            return _unjudged(wanted, error)
 
     def _found(self, wanted: Expectation) -> tuple[float | str | None, str, bool]:
         match wanted:
@@ -150,3 +152,7 @@ class _Judge:
             beyond.append((farthest_m - wanted.at_most_m, farthest_m))
         excess_m, worst_m = max(beyond)
         return worst_m, "m", excess_m <= 0.0
+
+
+def _unjudged(wanted: Expectation, error: Exception) -> Judgement:
+    return Judgement(wanted.title, wanted.type, wanted.wanted, None, "", passed=False, error=str(error))

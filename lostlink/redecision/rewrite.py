@@ -19,6 +19,16 @@ OnProgress = Callable[[str, int], object]
 _KEPT_FOLDERS = (STREAM_FOLDER, INPUT_FOLDER, REPORT_FOLDER)
 
 
+def check_is_free(directory: Path) -> None:
+    """See that a run can go to a directory: that it is not there yet, or empty.
+
+    Raises:
+        OSError: it is not.
+    """
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise FileExistsError(f"{directory}: it is there already, and not empty")
+
+
 def write_run(
     result: Redecision, directory: Path, on_progress: OnProgress = lambda _name, _rows: None
 ) -> RunDirectory:
@@ -33,8 +43,7 @@ def write_run(
         OSError: it is there already, or cannot be written.
         ValueError: the run's tables cannot be read.
     """
-    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
-        raise FileExistsError(f"{directory}: it is there already, and not empty")
+    check_is_free(directory)
     directory.mkdir(parents=True, exist_ok=True)
     made = RunDirectory(directory.resolve())
     made.write(result.scenario, "")

@@ -14,6 +14,8 @@ from bridge.record.inputs import all_inputs
 from bridge.record.names import streams_of
 from bridge.record.provenance import differences, read_provenance
 from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.every import TABLES
+from bridge.record.tables.reader import read_batches
 from bridge.record.ways import check_ways
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
@@ -124,10 +126,19 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
         raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
     scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
     check_ways(scenario, all_inputs(run))
+    _check_tables(run)
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
     return ReflightPlan(run, scenario, extent_of(run), tuple(remarks), _dirs_of(run))
+
+
+def _check_tables(run: Path) -> None:
+    """Read what the new run will be compared with: else a damaged table is found when all has been flown."""
+    for table in TABLES:
+        if table.is_in(run):
+            for _ in read_batches(run, table):
+                pass
 
 
 def _dirs_of(run: Path) -> AutopilotDirs:

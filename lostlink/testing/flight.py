@@ -146,9 +146,7 @@ class FleetFlight:
                 self.has_waited_for(sim_time_s)
                 return
             if is_over:
-                raise AssertionError(
-                    f"the flight ended at {self.recorded_s():.2f} s, before {sim_time_s} s: {self._told()}"
-                )
+                raise AssertionError(self._ended(sim_time_s))
             await asyncio.sleep(LOOK_S)
 
     def check_begun(self) -> None:
@@ -159,6 +157,12 @@ class FleetFlight:
         """
         if self.recorded_s() < 0.0:
             raise AssertionError(f"the flight ended before its first tick: {self._told()}")
+
+    def ended_before(self, sim_time_s: float) -> str:
+        """How it ended, if its last tick does not hold until ``sim_time_s``; empty if it does, or it goes on."""
+        if not self.is_over or sim_time_s < self.recorded_s() + 1.0 / self._flight.scenario.tick_rate_hz:
+            return ""
+        return self._ended(sim_time_s)
 
     def has_waited_for(self, sim_time_s: float) -> None:
         """The test has waited until then."""
@@ -224,6 +228,10 @@ class FleetFlight:
         """End it now, in order, and wait for that."""
         self._flight.interrupt()
         self._thread.join()
+
+    def _ended(self, wanted_s: float) -> str:
+        before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
+        return f"the flight ended at {self.recorded_s():.2f} s{before}: {self._told()}"
 
     def _told(self) -> str:
         if self._summary is None:

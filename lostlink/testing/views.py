@@ -56,6 +56,9 @@ class Recorded(Protocol):
     def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
         """Wait until a table, or a node's part of it, goes so far, or no further."""
 
+    def ended_before(self, sim_time_s: float, /) -> str:
+        """How the flight ended, if that was before a sim time; empty if it was not."""
+
     def columns(self, run: Run, table: str, columns: Sequence[str] | None = None) -> Columns:
         """Columns of a table, which may just now become another file."""
 
@@ -67,6 +70,10 @@ class Whole:
 
     def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
         """It goes as far as it goes."""
+
+    def ended_before(self, _: float) -> str:
+        """No flight is known of."""
+        return ""
 
     def columns(self, run: Run, table: str, columns: Sequence[str] | None = None) -> Columns:
         """Columns of a table."""
@@ -114,9 +121,14 @@ class RecordedNode:
         if row == len(times_s) - 1 and sim_time_s >= times_s[-1] + np.min(np.diff(times_s), initial=np.inf):
             raise ValueError(
                 f"node {self.node}: nothing is recorded of it after {times_s[-1]:.2f} s, "
-                f"and {sim_time_s} s was asked for"
+                f"and {sim_time_s} s was asked for{self._because(sim_time_s)}"
             )
         return row
+
+    def _because(self, sim_time_s: float) -> str:
+        """How the flight ended before a sim time, to be said after something else; empty if it did not."""
+        ended = self._extent.ended_before(sim_time_s)
+        return f"; {ended}" if ended else ""
 
     def state(self, sim_time_s: float) -> dict[str, Any]:
         """What its autopilot said of itself last, not after ``sim_time_s``: a row of `states`. Waits as for a position.
@@ -155,11 +167,13 @@ class RecordedNode:
         if len(near):
             return float(times_s[near[0]])
         if not len(times_s):
-            raise AssertionError(f"node {self.node}: nothing was recorded between {after_s} and {before_s} s")
+            raise AssertionError(
+                f"node {self.node}: nothing was recorded between {after_s} and {before_s} s{self._because(before_s)}"
+            )
         nearest = int(np.argmin(distance_m))
         raise AssertionError(
             f"node {self.node} was never within {within_m} m of {place}: nearest was {distance_m[nearest]:.1f} m at "
-            f"{times_s[nearest]:.2f} s"
+            f"{times_s[nearest]:.2f} s{self._because(before_s)}"
         )
 
 
@@ -179,9 +193,16 @@ class RecordedLink:
 
         Of a flight that goes on: waits for ``to_s``; without it, as far as the test has waited. A packet that is queued
         or on its way then has no row yet.
+
+        Raises:
+            AssertionError: the flight ended before the ``to_s`` that was given; the text says how.
         """
-        to_s = min(to_s, self._extent.end_s) if np.isinf(to_s) else to_s
+        is_given = np.isfinite(to_s)
+        to_s = to_s if is_given else min(to_s, self._extent.end_s)
         self._extent.reach(to_s, "deliveries")
+        ended = self._extent.ended_before(to_s) if is_given else ""
+        if ended:
+            raise AssertionError(ended)
         rows = self._extent.columns(self._run, "deliveries")
         ours = (rows["tx"] == self.tx) & (rows["rx"] == self.rx)
         ours &= (rows["sim_time_ns"] >= from_s * NS_PER_S) & (rows["sim_time_ns"] < to_s * NS_PER_S)
@@ -195,7 +216,7 @@ class RecordedLink:
         """Share of the packets that were delivered; arguments as of `packets`.
 
         Raises:
-            AssertionError: there were none.
+            AssertionError: there were none; or as of `packets`.
         """
         rows = self.packets(from_s=from_s, to_s=to_s, min_m=min_m, max_m=max_m)
         count = int(rows["packets"].sum())

@@ -124,13 +124,17 @@ def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:
 class Feeder:
     """Gives an agent its ticks, and reports what its code raises.
 
+    Args:
+        ua: the node as the agent sees it.
+        reported: what is reported in place of being raised: of an agent that has a thread to itself, SystemExit, too.
+
     Attributes:
         has_failed: the failure was reported; once is enough.
     """
 
-    def __init__(self, ua: UaClient) -> None:
+    def __init__(self, ua: UaClient, reported: type[BaseException] = Exception) -> None:
         self.has_failed = False
-        self._ua = ua
+        self._ua, self._reported = ua, reported
 
     def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
         """Have the agent get all that came with a tick, and the tick itself."""
@@ -145,14 +149,15 @@ class Feeder:
         except DecodeError as error:
             self._ua.malformed += 1
             log.warning("%s: %s", when, error)
-        except Exception as error:  # an agent is somebody's own code: whatever it raises is reported by name
+        except self._reported as error:  # an agent is somebody's own code: what it raises is reported by name
             self.fail(when, error)
 
     def fail(self, when: str, error: BaseException | None, text: str = "") -> None:
         """Report what the agent's code raised, and where."""
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
-            self.tell(f"{type(error).__name__} {when}: {error or text}")
+            why = ("" if error is None else str(error)) or text
+            self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""

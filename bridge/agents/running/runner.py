@@ -57,7 +57,7 @@ class AgentRunner:
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
         self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._busy = False
-        self._feeder = Feeder(ua)
+        self._feeder = Feeder(ua, BaseException)
         self._stopping = False
         self._loop = SimLoop(self._wait)
         self._flight: asyncio.Task[None] | None = None
@@ -89,13 +89,19 @@ class AgentRunner:
     def _run(self) -> None:
         try:
             with told_of_unawaited(self._tell), asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-                runner.run(self._live())
+                try:
+                    runner.run(self._live())
+                except BaseException as error:  # told before the tasks are, which the runner then cancels
+                    self._fail_in_thread(error)
         except BaseException as error:  # SystemExit, too: whatever ends this thread leaves a tick open
-            if not self._stopping:
-                self._feeder.fail("in its thread", error)
+            self._fail_in_thread(error)
         finally:
             if self._busy:
                 self._on_idle()
+
+    def _fail_in_thread(self, error: BaseException) -> None:
+        if not self._stopping:
+            self._feeder.fail("in its thread", error)
 
     def _tell(self, text: str) -> None:
         if not self.ua.is_over:  # on its way out an agent leaves what it had no time for
@@ -122,7 +128,7 @@ class AgentRunner:
         try:
             await self._agent.fly()
         except asyncio.CancelledError as error:
-            if not self.ua.is_over:
+            if not self.ua.is_over and not self._feeder.has_failed:  # else what failed is why it is cancelled
                 self._feeder.fail("in flight", error, "it awaited what had been cancelled")
             raise
         except Exception as error:  # an agent is somebody's own code: whatever it raises ends the run by name

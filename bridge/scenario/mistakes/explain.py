@@ -158,5 +158,5 @@ _BEGINS = {"Value error, ": "", "Input should be ": "has to be ", "Input should 
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    text = str(value).lower() if isinstance(value, bool) else repr(value)  # as YAML has it
     return text if len(text) <= 80 else f"{text[:77]}..."

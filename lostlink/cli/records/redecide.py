@@ -62,11 +62,14 @@ def redecide(
     from channel.validity import OutsideValidityError
     from lostlink.flight.exits import RunOutcome
     from lostlink.redecision.redecide import decide
+    from lostlink.redecision.rewrite import check_is_free
     from lostlink.redecision.told import plain_of, verdict_on
     from lostlink.redecision.whole_run import write_whole_run
 
     silent = quiet or as_json
     try:
+        if out is not None:
+            check_is_free(out)  # before all is decided for nothing
         scenario = _scenario(run, radio, seed, settings)
         result = decide(run, scenario, _Progress(silent=silent))
         summary = None if out is None else write_whole_run(result, out, _Written(silent=silent))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bridge.scenario.agents import OwnAgent
+from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import (
     DEFAULT_SCENARIO,
     SCENARIOS,
@@ -117,6 +118,10 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("schema: 1", "schema: 2", "schema", "has to be 1 (got 2)"),
         ("seed: 1", "seed: 1\nseed: 2", "seed", "given twice"),
         ("duration_s: 600 ", "duration_s: .inf ", "duration_s", "finite"),
+        ("duration_s: 600 ", "duration_s: true ", "duration_s", "has to be a number (got true)"),
+        ("north_m: 5", "north_m: yes", "nodes.1.home.north_m", "has to be a number (got true)"),
+        ("seed: 1", "take_off_at_s: off", "take_off_at_s", "has to be a number (got false)"),
+        ("seed: 1", "seed: true", "seed", "has to be a whole number (got true)"),
     ],
 )
 def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
@@ -127,6 +132,21 @@ def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: 
     line = line_of(new.splitlines()[-1], text)
     assert f"mine.yaml:{line}: {key}: " in str(caught.value)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "expectation",
+    [
+        "{type: separation, at_least_m: 50, at_most_m: 35}",
+        "{type: delivery, at_least: 0.9, at_most: 0.5}",
+        "{type: logged, value: error_m, at_least: 8, at_most: 3}",
+        "{type: function, function: mine.py:ticks, at_least: 8, at_most: 3}",
+    ],
+)
+def test_bounds_that_nothing_is_between_are_refused(expectation: str) -> None:
+    said = r"x:\d+: expectations\.0[.a-z]*: at least [\d.]+ and at most [\d.]+: nothing is both$"
+    with pytest.raises(ScenarioError, match=said):
+        parse_scenario(f"{TEXT}\nexpectations:\n  - {expectation}\n", "x")
 
 
 def test_unknown_airframe_is_named_with_the_known_ones() -> None:
@@ -188,6 +208,29 @@ def test_changes_of_the_command_line_are_checked_too() -> None:
     assert changed.fdm_port(changed.ua[1]) == 9002 + 10 * 4
     with pytest.raises(ScenarioError, match=r"duration_s: .*greater than 0"):
         with_changes(scenario, {"duration_s": -1.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [('nodes.1.agent.options.x="\\ud800"', "nodes.1.agent.options.x"), ('name="a\\udc00"', "name")],
+)
+def test_a_text_that_utf8_cannot_encode_is_refused_with_key_and_value(text: str, key: str) -> None:
+    setting = parse_setting(text)
+    said = f"--set {text}: {key}: has to be text that UTF-8 can encode (got {setting.value!r})"
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario("separation", [setting])
+    assert str(caught.value) == said
+    with pytest.raises(ScenarioError, match="that UTF-8 can encode"):
+        with_changes(read_scenario("separation"), {key: setting.value})
+
+
+def test_a_key_that_utf8_cannot_encode_is_refused_with_its_line() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(f'{TEXT}\n"\\ud800": {{}}\n', "mine.yaml")
+    line = len(TEXT.splitlines()) + 2
+    assert str(caught.value) == (
+        f"mine.yaml:{line}: \\ud800: has to be text that UTF-8 can encode (got '\\ud800')"
+    )
 
 
 @pytest.fixture

@@ -31,3 +31,18 @@ def test_a_run_that_broke_off_before_its_first_tick_meets_nothing(tmp_path: Path
         "FAILED: ends",
     ]
     assert all(line.endswith("found nothing of the kind") for line in lines[:3])
+
+
+def test_a_function_that_raises_is_not_met_and_the_rest_is_judged(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("def breaks(run):\n    return 1 / 0\n")
+    wanted = f"""expectations:
+  - {{type: function, function: "{tmp_path}/mine.py:breaks", at_most: 1, name: breaks}}
+  - {{type: ending, ending: done, name: ends}}
+"""
+    run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1"), extra=wanted), ticks=2, killed=True)
+    done = CliRunner().invoke(judge, [str(run)])
+    assert done.exit_code == UNEXPECTED
+    raised, ended = done.stdout.splitlines()
+    assert raised.startswith("FAILED: breaks: wanted at most 1, cannot be judged: ")
+    assert raised.endswith("mine.py:breaks raised ZeroDivisionError: division by zero")
+    assert ended.startswith("FAILED: ends")

@@ -50,6 +50,17 @@ def test_a_summary_that_is_none_is_told_before_anything_is_written(tmp_path: Pat
     assert not (tmp_path / "out").exists()
 
 
+def test_a_directory_that_is_not_empty_is_told_before_anything_is_decided(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decided: list[object] = []
+    monkeypatch.setattr("lostlink.redecision.redecide.decide", lambda *given: decided.append(given))
+    (tmp_path / "mine.txt").touch()
+    result = redecide(run, "--out", tmp_path)
+    assert (result.exit_code, decided) == (2, [])
+    assert result.stderr.splitlines()[-1].endswith("it is there already, and not empty")
+
+
 def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: Path) -> None:
     """As if the record were of a lostlink whose channel was another."""
     other = flown(tmp_path / "other", scenario_of("corrected", NODES), 50)

@@ -269,6 +269,12 @@ def test_packets_that_can_go_where_they_say_are_no_hindrance(tmp_path: Path, fly
             lambda run: [(run / "truth.parquet").unlink(), (run / "summary.json").unlink()],
             "before its first whole tick",
         ),
+        (
+            lambda run: (run / "deliveries.parquet").write_bytes(
+                (run / "deliveries.parquet").read_bytes()[:-9]
+            ),
+            "deliveries.parquet",
+        ),
     ],
 )
 def test_what_cannot_be_flown_again_has_status_2(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,12 +55,14 @@ class Becoming(Made):
 
 
 class MadeFlight(FleetFlight):
-    """A flight of that record, over or not."""
+    """A flight of that record, over or not; it fails."""
 
     is_over = False
 
     def __init__(self, record, is_over=False):
         self.made, self.is_over, self.end_s = record, is_over, 0.0
+        self._flight = SimpleNamespace(scenario=SimpleNamespace(tick_rate_hz=2))
+        self._summary = {"ending": "failed", "error": "the agent of UA 1 failed", "verdict": None}
 
     @property
     def record(self):
@@ -153,6 +156,23 @@ def test_answers_of_a_flight_that_goes_on_wait_for_their_time_and_go_as_far_as_w
     with pytest.raises(ValueError, match="nothing is recorded"):
         flight.ua("1").position_ned_m(20.0)
     assert flight.is_over
+
+
+def test_what_is_asked_of_after_the_end_of_a_flight_is_told_how_it_ended(monkeypatch):
+    monkeypatch.setattr("lostlink.testing.flight.LOOK_S", 0.0)
+    flight = Growing()
+    ended = r"the flight ended at 10\.00 s, before 14\.0 s: failed; the agent of UA 1 failed"
+    for ask in (flight.link("0", "1").delivery, flight.link("0", "1").packets):
+        with pytest.raises(AssertionError, match=f"^{ended}"):
+            ask(to_s=14.0)
+    for ask in (flight.ua("1").state, flight.ua("1").position_ned_m):
+        with pytest.raises(ValueError, match=rf"14\.0 s was asked for; {ended}"):
+            ask(14.0)
+    with pytest.raises(AssertionError, match=rf"at 10\.00 s; {ended}"):
+        asyncio.run(flight.ua("1").at(north_m=200.0, before_s=14.0))
+    with pytest.raises(AssertionError, match=r"at 10\.00 s; the flight ended at 10\.00 s: failed; the agent"):
+        asyncio.run(flight.ua("1").at(north_m=200.0))
+    assert flight.link("0", "1").delivery(to_s=10.4) == 0.5, "its last tick holds until 10.5 s"
 
 
 def test_a_state_waits_for_the_states_of_its_node(monkeypatch):

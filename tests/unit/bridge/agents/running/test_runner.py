@@ -556,6 +556,48 @@ def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown
     assert failed == [f"ArithmeticError {place}: mine"]
 
 
+@pytest.mark.parametrize("error", [SystemExit(3), KeyboardInterrupt("3")])
+@pytest.mark.parametrize(
+    ("where", "place"), [("tick", "at a tick"), ("packet", "in a callback"), ("task", "in its thread")]
+)
+def test_a_callback_that_exits_is_reported_by_what_it_raised(
+    where: str, place: str, error: BaseException
+) -> None:
+    class Exiting(Agent):
+        async def fly(self) -> None:
+            if where == "task":
+                self.task = asyncio.create_task(self.exit())
+            await self.sleep(1000.0)
+
+        async def exit(self) -> None:
+            raise error
+
+        def on_tick(self, sim_time_ns: int) -> None:
+            if where == "tick":
+                raise error
+
+        def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
+            if where == "packet":
+                raise error
+
+    agent = Flown(Exiting)
+    agent.tick(lambda ua: ua.take_packet("0", "mine", b"", Reception(0, 0, 0)))
+    failed = [status.activity for status in agent.outlet.reports if status.failed]
+    assert failed == [f"{type(error).__name__} {place}: 3"]
+    agent.runner.ask_to_stop()
+    assert agent.runner.join(5.0)
+
+
+def test_an_exception_without_a_text_is_told_by_its_name_alone(flown: list[Flown]) -> None:
+    class Faulty(Agent):
+        async def fly(self) -> None:
+            raise AssertionError
+
+    flown.append(Flown(Faulty))
+    flown[0].tick()
+    assert [status.activity for status in flown[0].outlet.reports] == ["AssertionError in flight"]
+
+
 def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:
     class Stubborn(Agent):
         async def fly(self) -> None:
@@ -585,8 +627,12 @@ def test_a_thread_that_ends_says_so_and_leaves_no_tick_open(how: str) -> None:
     agent = Flown(Gone)
     agent.ticks(3)
     [failed] = [status.activity for status in agent.outlet.reports if status.failed]
-    assert failed.startswith(
-        {"exit": "SystemExit in its thread", "cancelled": "CancelledError in flight"}[how]
+    assert (
+        failed
+        == {
+            "exit": "SystemExit in its thread: enough",
+            "cancelled": "CancelledError in flight: it awaited what had been cancelled",
+        }[how]
     )
     agent.runner.ask_to_stop()
     assert agent.runner.join(5.0)
