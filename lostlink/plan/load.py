@@ -58,7 +58,8 @@ class OfferedLoad:
         is_shared: whether nodes share what it carries; else each sender has so much.
         packets_per_s, on_air_bits_per_s: sums of what is known.
         payload_bits_per_s: likewise, without what the radio adds.
-        capacity_bps: payload that it carries in packets of these lengths; None if no packet is known that fits.
+        capacity_bps: payload that it carries in packets of these lengths; if it is not shared, of the busiest sender.
+            None if no packet is known that fits.
         airtime_share: sum, or if it is not shared the greatest; above 1 it cannot carry it.
         is_guess: whether any of it is.
         copies: how often a packet for all is transmitted at most, where nodes hand packets on.
@@ -86,9 +87,13 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     """
     capacity = Capacity(medium_settings(radios), radios)
     nodes = tuple(_load_of(scenario, node, capacity) for node in scenario.transceivers)
-    shares = [node.airtime_share for node in nodes]
-    payloads = [8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes]
-    carried = sum(bits for bits, share in zip(payloads, shares, strict=True) if share > 0.0)
+    payloads = {node.node: 8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes}
+    shares = {node.node: node.airtime_share for node in nodes}
+    sums = [
+        (sum(shares[node] for node in ids), sum(payloads[node] for node in ids if shares[node] > 0.0))
+        for ids in capacity.sharers
+    ]
+    share, carried = max(sums, default=(0.0, 0.0))
     return OfferedLoad(
         nodes,
         capacity.medium,
@@ -96,9 +101,9 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         capacity.is_shared,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
-        sum(payloads),
-        carried / sum(shares) if sum(shares) > 0.0 else None,
-        sum(shares) if capacity.is_shared else max(shares, default=0.0),
+        sum(payloads.values()),
+        carried / share if share > 0.0 else None,
+        share,
         any(node.is_guess for node in nodes),
         routing_settings(radios).copies(len(nodes)),
     )

@@ -38,9 +38,9 @@ class AirAccount:
         is_shared: whether nodes share ``capacity_bps``; else each sender has so much.
         packets: given to the radio.
         offered_bps: payload of these.
-        capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could. None
-            without packets.
-        share: ``offered_bps`` as a share of that; if it is not shared, of the sender with the most.
+        capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could; if it is
+            not shared, of those of the sender with the greatest share. None without packets.
+        share: ``offered_bps`` as a share of that; if it is not shared, of that sender.
         busiest_share: the same in the busiest period of `BUSY_NS`.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
@@ -138,7 +138,6 @@ def account_of(
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
     busy = edges_of(end_ns, BUSY_NS)
-    bits, need_s = 8.0 * float(offered.payload_bytes.sum()), float(offered.need_s.sum())
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
     if on_air_ns is not None:
         use = on_air_ns / max(end_ns, 1)
@@ -155,7 +154,7 @@ def account_of(
         is_shared=capacity.is_shared,
         packets=len(offered.tx),
         offered_bps=float(offered.bits_per_s(whole)[0]),
-        capacity_bps=bits / need_s if need_s > 0.0 else None,
+        capacity_bps=offered.capacity_bps(whole),
         share=float(offered.shares(whole)[0]),
         busiest_share=float(offered.shares(busy).max()),
         use_share=use,

@@ -10,6 +10,7 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings.base import Ideal
+from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
@@ -64,6 +65,15 @@ class Capacity:
         return bool(getattr(self.settings, "is_shared", True)) and self._slots is None
 
     @property
+    def sharers(self) -> tuple[tuple[str, ...], ...]:
+        """Nodes that share what it carries: all, or each on its own; not those that the medium links with nobody."""
+        nodes = tuple(self.radios)
+        linked = self.settings.links(nodes) if isinstance(self.settings, ElrsMedium) else {"": nodes}
+        if self.is_shared:
+            return tuple(linked.values())
+        return tuple((node,) for ids in linked.values() for node in ids)
+
+    @property
     def _slots(self) -> TdmaMedium | None:
         """The medium, if each node has slots of its own."""
         settings = self.settings
@@ -82,14 +92,17 @@ class Capacity:
             payload_bytes: of the packet.
             priority: of the packet, where only some slots take it; None: it may be any.
         """
-        if isinstance(self.settings, Ideal):
+        settings = self.settings
+        if isinstance(settings, Ideal):
             radio = self.radios[node]  # a fixed length may be less than the payload's
             return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / radio.config.bit_rate_bps
         length_bytes = max(payload_bytes, 1)
         if (slots := self._slots) is not None:
             capacity_bps = slots.node_capacity_bps(node, length_bytes, self.bit_rate_bps, priority)
+        elif isinstance(settings, ElrsMedium):
+            capacity_bps = settings.node_capacity_bps(node, tuple(self.radios))
         else:
-            capacity_bps = self.settings.capacity_bps(length_bytes, self.bit_rate_bps)
+            capacity_bps = settings.capacity_bps(length_bytes, self.bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
 
     def payload_bytes(self, node: str, counted_bytes: int) -> int:

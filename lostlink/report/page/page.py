@@ -220,7 +220,7 @@ def _causes(totals: dict[str, Any]) -> list[Row]:
 
 
 def _air(air: dict[str, Any]) -> list[Row]:
-    whose = ", of each sender" if not air["is_shared"] else ""
+    whose = ", of the busiest sender," if not air["is_shared"] else ""
     carrier = f"the medium carries{whose}" if air["takes_time"] else "the radio’s bit rate would carry"
     capacity = air["capacity_bps"]
     rows: list[Row] = [

@@ -198,11 +198,22 @@ def test_what_slots_carry_is_of_those_who_have_room_in_them() -> None:
 
 
 def test_load_on_expresslrs_is_held_against_user_bytes() -> None:
-    """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second."""
-    load = on_medium("model=elrs", "mode=lora-333-full")["load"]
-    assert load["airtime_share"] == pytest.approx(
-        20 * max(HOLDS_BYTES, FLIES_OUT_BYTES) / (62 / (7 * 2 * 0.003003))
-    )
+    """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second.
+
+    The transmitter, node 0, has every second of the others, or all of them without a remote control.
+    """
+    down = 20 * FLIES_OUT_BYTES / (62 / (7 * 2 * 0.003003))
+    for medium, up_slots in (("has_rc=true", 4), ("has_rc=false", 2)):
+        plan = on_medium("model=elrs", "mode=lora-333-full", medium)
+        load, up_bps = plan["load"], 8 * 62 / (7 * up_slots * 0.003003)
+        up = 20 * 8 * HOLDS_BYTES / up_bps
+        assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([up, down], rel=1e-3)
+        assert load["airtime_share"] == pytest.approx(max(up, down), rel=1e-3)
+    assert up < down
+    plan = on_medium("model=elrs", "mode=lora-333-full", more=["transmit.every_ticks=4"])
+    assert plan["load"]["capacity_bps"] == pytest.approx(8 * 62 / (7 * 4 * 0.003003))
+    (warning,) = plan["warnings"]
+    assert f"a node offers {5 * 8 * HOLDS_BYTES / plan['load']['capacity_bps']:.3g} times" in warning
 
 
 def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:

@@ -16,6 +16,7 @@ from lostlink.reading.air import (
     edges_of,
     frames_of,
     offered_of,
+    payloads_of,
     quantiles,
     received_bits_per_s,
 )
@@ -31,6 +32,7 @@ MOON_BPS = 20e6
 IDEAL = "{preset: telemetry-915, medium: {model: ideal}}"
 TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
 AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
+ELRS = "{preset: elrs-2.4-333full}"
 DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
 
 
@@ -83,8 +85,21 @@ def test_a_packet_counts_once_whoever_it_is_for_and_what_the_host_lost_not_at_al
 def test_a_line_of_each_sender_is_as_full_as_the_fullest() -> None:
     given = rows({}, {"seq": 1}, {"tx": 1, "rx": 0})
     offered = offered_of(given, capacity(DELAY))
-    assert not offered.is_shared
+    assert not capacity(DELAY).is_shared
     assert offered.shares(np.array([0, S])) == pytest.approx([2 * 8 * 92 / 1000])
+
+
+def test_a_transmitter_of_expresslrs_has_half_of_what_its_receiver_has() -> None:
+    """62 bytes in 7 frames: up one in four slots of 3003 us beside a remote control, down one in two; 2 has no peer."""
+    given = rows(*({"tx": tx, "rx": 1 - tx % 2, "seq": seq} for tx in (0, 1, 2) for seq in range(10)))
+    account = account_of(given, capacity(ELRS), S)
+    up_bytes_per_s = 62 / (7 * 4 * 0.003003)
+    payload_bytes = payloads_of(given, capacity(ELRS)).tolist()[0]
+    assert account.capacity_bps == pytest.approx(8 * up_bytes_per_s)
+    assert account.share == pytest.approx(10 * payload_bytes / up_bytes_per_s)
+    assert [capacity(ELRS).packet_s(node, 92) for node in ("0", "1")] == pytest.approx(
+        [92 / up_bytes_per_s, 92 / 2 / up_bytes_per_s], rel=0.01
+    )
 
 
 def test_use_is_the_sum_of_frames_each_once_with_its_attempts() -> None:
