@@ -94,12 +94,12 @@ class Offered:
         return np.bincount(place, 8.0 * self.payload_bytes, len(edges_ns) - 1) / durations_s(edges_ns)
 
     def shares(self, edges_ns: Whole) -> Numbers:
-        """Of the network's time in each period; if it is not shared, that of the busiest sender."""
+        """Of the network's time in each period; if not all share it, that of the busiest group or sender."""
         need_s = self._sums(self.need_s, edges_ns).max(axis=1, initial=0.0)
         return np.asarray(need_s / durations_s(edges_ns), dtype=np.float64)
 
     def capacity_bps(self, whole_ns: Whole) -> float | None:
-        """Payload that the network carries of such packets; if it is not shared, of the busiest sender's.
+        """Payload that the network carries of such packets; if not all share it, of the busiest's.
 
         Args:
             whole_ns: edges of the one period that is the run.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
@@ -12,9 +13,11 @@ from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings.base import Ideal
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
+from channel.access.settings.sik import SikMedium
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 
+SharedBy = Literal["all", "group", "sender"]
 UNITS = ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s"))
 
 
@@ -60,18 +63,26 @@ class Capacity:
         return not isinstance(self.settings, Ideal)
 
     @property
-    def is_shared(self) -> bool:
-        """Whether all nodes share it; else each has so much for itself, as with a schedule of slots."""
-        return bool(getattr(self.settings, "is_shared", True)) and self._slots is None
+    def shared_by(self) -> SharedBy:
+        """Who shares it: all nodes, those of a group, as of a NETID, or each sender has so much for itself."""
+        if not getattr(self.settings, "is_shared", True) or self._slots is not None:
+            return "sender"
+        return "group" if len(self._linked) > 1 else "all"
 
     @property
     def sharers(self) -> tuple[tuple[str, ...], ...]:
-        """Nodes that share what it carries: all, or each on its own; not those that the medium links with nobody."""
+        """Nodes that share what it carries; not those that the medium links with nobody."""
+        if self.shared_by == "sender":
+            return tuple((node,) for ids in self._linked for node in ids)
+        return self._linked
+
+    @property
+    def _linked(self) -> tuple[tuple[str, ...], ...]:
+        """Nodes that hear each other."""
         nodes = tuple(self.radios)
-        linked = self.settings.links(nodes) if isinstance(self.settings, ElrsMedium) else {"": nodes}
-        if self.is_shared:
-            return tuple(linked.values())
-        return tuple((node,) for ids in linked.values() for node in ids)
+        if isinstance(self.settings, ElrsMedium | SikMedium):
+            return tuple(self.settings.links(nodes).values())
+        return (nodes,)
 
     @property
     def _slots(self) -> TdmaMedium | None:

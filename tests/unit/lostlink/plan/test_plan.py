@@ -156,6 +156,18 @@ def test_load_on_a_pair_of_sik_radios_is_over_what_their_firmware_carries() -> N
     assert f"{share:.2g} times what the medium sik carries" in warning
 
 
+def test_load_on_several_pairs_of_sik_radios_is_that_of_the_busiest() -> None:
+    """Two pairs of two that hold offer what one does, each over its own capacity; their sum was taken."""
+    text = TEXT.split("  - {id: gcs")[0].replace("corrected", "telemetry-915")
+    one, two = (
+        plan_of(parse_scenario(text.replace("count: 3", f"count: {count}"), "pairs.yaml")).load
+        for count in (2, 4)
+    )
+    assert (one.shared_by, two.shared_by, two.is_shared) == ("all", "group", False)
+    assert two.airtime_share == one.airtime_share
+    assert two.capacity_bps == one.capacity_bps
+
+
 def test_load_on_a_medium_is_over_what_it_carries() -> None:
     """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 40 for 20."""
     plan = on_medium("model=tdma", "slot_s=0.05", "guard_s=0.001")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ MOON_BPS = 20e6
 IDEAL = "{preset: telemetry-915, medium: {model: ideal}}"
 TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
 AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
+SIK = "{preset: telemetry-915}"
 ELRS = "{preset: elrs-2.4-333full}"
 DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
 
@@ -85,7 +87,7 @@ def test_a_packet_counts_once_whoever_it_is_for_and_what_the_host_lost_not_at_al
 def test_a_line_of_each_sender_is_as_full_as_the_fullest() -> None:
     given = rows({}, {"seq": 1}, {"tx": 1, "rx": 0})
     offered = offered_of(given, capacity(DELAY))
-    assert not capacity(DELAY).is_shared
+    assert capacity(DELAY).shared_by == "sender"
     assert offered.shares(np.array([0, S])) == pytest.approx([2 * 8 * 92 / 1000])
 
 
@@ -100,6 +102,20 @@ def test_a_transmitter_of_expresslrs_has_half_of_what_its_receiver_has() -> None
     assert [capacity(ELRS).packet_s(node, 92) for node in ("0", "1")] == pytest.approx(
         [92 / up_bytes_per_s, 92 / 2 / up_bytes_per_s], rel=0.01
     )
+
+
+def test_each_pair_of_sik_radios_has_its_own_time() -> None:
+    """Packets of 92 bytes: 10 of each of the one pair, 5 of each of the other, which have another NETID."""
+    one, two = (Capacity.of(scenario_of(SIK, nodes)) for nodes in (NODES[:2], (*NODES, "3")))
+    given = rows(
+        *({"tx": tx, "rx": tx ^ 1, "seq": seq} for tx in range(4) for seq in range(10 if tx < 2 else 5))
+    )
+    given = replace(given, nodes=(*NODES, "3"))
+    share = 20 * one.packet_s("0", 92)
+    account = account_of(given, two, S)
+    assert (one.shared_by, two.shared_by, account.is_shared) == ("all", "group", False)
+    assert account.share == pytest.approx(share)
+    assert account.capacity_bps == pytest.approx(8 * 92 / one.packet_s("0", 92))
 
 
 def test_use_is_the_sum_of_frames_each_once_with_its_attempts() -> None:
@@ -204,13 +220,16 @@ def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None
     assert BUSY_NS == 10 * S
 
 
-@pytest.mark.parametrize(("fate", "warns"), [("queue_full", True), ("delivered", False)])
+@pytest.mark.parametrize(
+    ("fate", "warns"), [("queue_full", True), ("delivered", False), ("run_ended", False)]
+)
 def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -> None:
     given = rows(*({"seq": seq, "fate": fate, "ended_ns": 11_500_000} for seq in range(100)))
     account = account_of(given, capacity(TDMA), S)
     assert account.busiest_share == pytest.approx(100 * 0.1 / 7)
     assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.1)
-    assert account.lost_waiting == (100 if warns else 0)
+    assert account.lost_waiting == (0 if fate == "delivered" else 100)
+    assert account.waiting_at_end == (100 if fate == "run_ended" else 0)
     assert ("1.43 times the 51.5 kbit/s that it carries" in account.warning) is warns
     assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
 
