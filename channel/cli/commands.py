@@ -54,6 +54,8 @@ def link(
 ) -> None:
     """Print the link budget at a distance, term by term, and what it comes to.
 
+    The receiver lies north of the transmitter, and both are level with their noses to the north.
+
     \b
     Examples:
       lostlink link --radio wifi-2.4 --ground-distance 400

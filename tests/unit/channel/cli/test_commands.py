@@ -159,3 +159,7 @@ def test_the_distance_says_which_and_its_old_name_goes_on_unsaid():
     assert said == old
     assert said["slant_distance_m"] == pytest.approx(math.hypot(400.0, 260.0))
     assert "--distance" not in run("link", "--help").output.replace("--ground-distance", "")
+
+
+def test_help_says_where_the_receiver_lies():
+    assert "The receiver lies north of the transmitter" in " ".join(run("link", "--help").output.split())
