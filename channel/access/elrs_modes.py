@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -85,6 +86,11 @@ class ElrsMode:
     def user_bytes_per_s(self) -> float:
         """Of a stream down, in full chunks, if nothing is lost and no sync comes."""
         return CHUNK_BYTES / (_frames_of_a_chunk(self.data_bytes, self.burst) * 2e-6 * self.interval_us)
+
+    def user_bytes_up_per_s(self, *, has_rc: bool) -> float:
+        """The same of a stream up; a remote control takes every second slot of it."""
+        frames = math.ceil((CHUNK_BYTES + CHUNK_HEAD_BYTES) / self.data_bytes)
+        return CHUNK_BYTES / (frames * (4e-6 if has_rc else 2e-6) * self.interval_us)
 
     @property
     def lost_down_ms(self) -> int:

@@ -54,6 +54,8 @@ def link(
 ) -> None:
     """Print the link budget at a distance, term by term, and what it comes to.
 
+    The receiver lies north of the transmitter, and both are level with their noses to the north.
+
     \b
     Examples:
       lostlink link --radio wifi-2.4 --ground-distance 400
@@ -117,7 +119,8 @@ def _warnings_on_stderr() -> Iterator[None]:
 def radios(as_json: bool) -> None:
     """List the radio presets: what each is, and how far it delivers 50 % and 90 % of its packets.
 
-    Packets have the radio's nominal_payload_bytes, 40 if it says nothing else; longer ones come less far.
+    Packets have the radio's nominal_payload_bytes, 40 if it says nothing else. Longer ones come less far where
+    the error rate depends on the length: not with a fixed length (moon2020), a distance (disk) or a level (satellite).
 
     \b
     Examples:

@@ -11,7 +11,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.scenario.resolve.channel import medium_settings, routing_settings
 from channel.link.radio import Radio
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.capacity import Capacity, SharedBy
 
 ON_GROUND = ("STABILIZE", "CUSTOM_MODE_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED")
 IN_FLIGHT = (
@@ -55,11 +55,13 @@ class OfferedLoad:
         nodes: of each.
         medium: its name.
         takes_time: whether packets take time on it.
-        is_shared: whether nodes share what it carries; else each sender has so much.
+        is_shared: whether all nodes share what it carries.
+        shared_by: who does: all, or each group or sender has so much.
         packets_per_s, on_air_bits_per_s: sums of what is known.
         payload_bits_per_s: likewise, without what the radio adds.
-        capacity_bps: payload that it carries in packets of these lengths; None if no packet is known that fits.
-        airtime_share: sum, or if it is not shared the greatest; above 1 it cannot carry it.
+        capacity_bps: payload that it carries in packets of these lengths; if not all share it, of the busiest group
+            or sender. None if no packet is known that fits.
+        airtime_share: sum, or if not all share it the greatest; above 1 it cannot carry it.
         is_guess: whether any of it is.
         copies: how often a packet for all is transmitted at most, where nodes hand packets on.
     """
@@ -68,6 +70,7 @@ class OfferedLoad:
     medium: str
     takes_time: bool
     is_shared: bool
+    shared_by: SharedBy
     packets_per_s: float
     on_air_bits_per_s: float
     payload_bits_per_s: float
@@ -86,19 +89,24 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     """
     capacity = Capacity(medium_settings(radios), radios)
     nodes = tuple(_load_of(scenario, node, capacity) for node in scenario.transceivers)
-    shares = [node.airtime_share for node in nodes]
-    payloads = [8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes]
-    carried = sum(bits for bits, share in zip(payloads, shares, strict=True) if share > 0.0)
+    payloads = {node.node: 8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes}
+    shares = {node.node: node.airtime_share for node in nodes}
+    sums = [
+        (sum(shares[node] for node in ids), sum(payloads[node] for node in ids if shares[node] > 0.0))
+        for ids in capacity.sharers
+    ]
+    share, carried = max(sums, default=(0.0, 0.0))
     return OfferedLoad(
         nodes,
         capacity.medium,
         capacity.takes_time,
-        capacity.is_shared,
+        capacity.shared_by == "all",
+        capacity.shared_by,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
-        sum(payloads),
-        carried / sum(shares) if sum(shares) > 0.0 else None,
-        sum(shares) if capacity.is_shared else max(shares, default=0.0),
+        sum(payloads.values()),
+        carried / share if share > 0.0 else None,
+        share,
         any(node.is_guess for node in nodes),
         routing_settings(radios).copies(len(nodes)),
     )

@@ -209,7 +209,9 @@ def _overload(load: OfferedLoad) -> str:
             "rate carries: a real channel would lose most of it, and the medium ideal, which has no airtime, does not; "
             "raise transmit.every_ticks, take a faster radio, or give it a medium (radio.medium)"
         )
-    who = "the nodes offer" if load.is_shared else "a node offers"
+    who = {"all": "the nodes offer", "group": "the nodes of a group offer", "sender": "a node offers"}[
+        load.shared_by
+    ]
     return (
         f"{who} {load.airtime_share:.3g} times what the medium {load.medium} carries: packets wait in queues until "
         "these are full, and what does not fit is lost (queue_full); raise transmit.every_ticks, or take a faster radio"

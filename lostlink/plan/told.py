@@ -121,7 +121,6 @@ def _over_capacity(load: OfferedLoad) -> str:
     bits = f"{load.payload_bits_per_s:.4g} bit/s of payload"
     if load.capacity_bps is None:
         return f"{bits}; the medium {load.medium} carries none of it"
-    each = "" if load.is_shared else " of each sender"
-    carried = f"{load.capacity_bps:.4g} bit/s{each} that the medium {load.medium} carries of such packets"
-    most = "" if load.is_shared else "the busiest sender "
+    its, most = ("such", "") if load.is_shared else ("its", f"the busiest {load.shared_by} ")
+    carried = f"{load.capacity_bps:.4g} bit/s that the medium {load.medium} carries of {its} packets"
     return f"{bits}, {most}{load.airtime_share:.1%} of the {carried}"

@@ -77,16 +77,16 @@ class Offered:
         tx: place of the sender.
         payload_bytes: of each.
         need_s: the time that the network needs for each.
-        nodes: how many there are.
-        is_shared: whether they share the network's time.
+        sharer: with whom the sender shares the network's time, by number (`Capacity.sharers`); -1: it needs none.
+        sharers: how many such numbers there are.
     """
 
     at_ns: Whole
     tx: Whole
     payload_bytes: Whole
     need_s: Numbers
-    nodes: int
-    is_shared: bool
+    sharer: Whole
+    sharers: int
 
     def bits_per_s(self, edges_ns: Whole) -> Numbers:
         """Payload of all packets in each period."""
@@ -94,12 +94,29 @@ class Offered:
         return np.bincount(place, 8.0 * self.payload_bytes, len(edges_ns) - 1) / durations_s(edges_ns)
 
     def shares(self, edges_ns: Whole) -> Numbers:
-        """Of the network's time in each period; if it is not shared, that of the busiest sender."""
-        periods = len(edges_ns) - 1
-        cells = places_in(edges_ns, self.at_ns) * self.nodes + self.tx
-        needs_s = np.bincount(cells, self.need_s, periods * self.nodes).reshape(periods, self.nodes)
-        need_s = needs_s.sum(axis=1) if self.is_shared else needs_s.max(axis=1, initial=0.0)
+        """Of the network's time in each period; if not all share it, that of the busiest group or sender."""
+        need_s = self._sums(self.need_s, edges_ns).max(axis=1, initial=0.0)
         return np.asarray(need_s / durations_s(edges_ns), dtype=np.float64)
+
+    def capacity_bps(self, whole_ns: Whole) -> float | None:
+        """Payload that the network carries of such packets; if not all share it, of the busiest's.
+
+        Args:
+            whole_ns: edges of the one period that is the run.
+        """
+        payload_bits = np.asarray(8.0 * self.payload_bytes, dtype=np.float64)
+        (need_s,), (bits,) = self._sums(self.need_s, whole_ns), self._sums(payload_bits, whole_ns)
+        if not need_s.any():
+            return None
+        busiest = int(np.argmax(need_s))
+        return float(bits[busiest] / need_s[busiest])
+
+    def _sums(self, values: Numbers, edges_ns: Whole) -> Numbers:
+        """Of a value of each packet in each period, of those who share, shape (periods, sharers)."""
+        mine, periods = self.sharer >= 0, len(edges_ns) - 1
+        cells = places_in(edges_ns, self.at_ns[mine]) * self.sharers + self.sharer[mine]
+        sums = np.bincount(cells, values[mine], periods * self.sharers)
+        return np.asarray(sums, dtype=np.float64).reshape(periods, self.sharers)
 
 
 def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
@@ -110,8 +127,10 @@ def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
     once, nodes = given.at(first), rows.nodes
     payload_bytes = payloads_of(once, capacity)
     need_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.packet_s(nodes[tx], payload))
+    number = {node: number for number, ids in enumerate(capacity.sharers) for node in ids}
+    sharer = np.array([number.get(node, -1) for node in nodes], dtype=np.int64)[tx[first]]
     at_ns = once.columns["sim_time_ns"]
-    return Offered(at_ns, tx[first], payload_bytes, need_s, len(nodes), capacity.is_shared)
+    return Offered(at_ns, tx[first], payload_bytes, need_s, sharer, len(capacity.sharers))
 
 
 def payloads_of(rows: DeliveryRows, capacity: Capacity) -> Whole:

@@ -20,8 +20,8 @@ from lostlink.reading.air import (
     offered_of,
     received_bits_per_s,
 )
-from lostlink.reading.capacity import Capacity, rate_text
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.capacity import Capacity, SharedBy, rate_text
+from lostlink.reading.rows import RUN_ENDED, DeliveryRows
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
@@ -35,17 +35,19 @@ class AirAccount:
         radio: its name, and that of its nodes' radios.
         medium: its name.
         takes_time: whether packets take time on it.
-        is_shared: whether nodes share ``capacity_bps``; else each sender has so much.
+        is_shared: whether all nodes share ``capacity_bps``.
+        shared_by: who does: all, or each group or sender has so much.
         packets: given to the radio.
         offered_bps: payload of these.
-        capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could. None
-            without packets.
-        share: ``offered_bps`` as a share of that; if it is not shared, of the sender with the most.
+        capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could; if not
+            all share it, of those of the group or sender with the greatest share. None without packets.
+        share: ``offered_bps`` as a share of that; if not all share it, of that group or sender.
         busiest_share: the same in the busiest period of `BUSY_NS`.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
         lost_waiting: receptions for which there was no time on the air.
+        waiting_at_end: those of them that were not lost before the run ended.
         received_most_bps: payload that one node received in its busiest such period.
         received_most_node: that node; that with the most for its bit rate.
         received_most_share: the same over the bit rate of its radio.
@@ -55,6 +57,7 @@ class AirAccount:
     medium: str
     takes_time: bool
     is_shared: bool
+    shared_by: SharedBy
     packets: int
     offered_bps: float
     capacity_bps: float | None
@@ -66,15 +69,16 @@ class AirAccount:
     delay_p50_s: float | None
     delay_p95_s: float | None
     lost_waiting: int
+    waiting_at_end: int
     received_most_bps: float
     received_most_node: str
     received_most_share: float
 
     @property
     def is_overloaded(self) -> bool:
-        """Whether more was offered than it can carry, and it showed: packets came that could not, or had no time."""
+        """Whether more was offered than it can carry, and it showed: packets came that could not, or were lost."""
         if self.takes_time:
-            return self.busiest_share > 1.0 and self.lost_waiting > 0
+            return self.busiest_share > 1.0 and self._lost_in_time > 0
         return self.busiest_share > 1.0
 
     @property
@@ -91,11 +95,11 @@ class AirAccount:
         if not self.is_overloaded or self.capacity_bps is None:
             return ""
         if self.takes_time:
-            whose = "" if self.is_shared else " of one sender"
+            whose = "" if self.is_shared else f" of one {self.shared_by}"
             return (
                 f"{self._network}the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the "
                 f"busiest {BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}"
-                f"{whose} that it carries of such packets: {self.lost_waiting} receptions were lost for want of time "
+                f"{whose} that it carries of such packets: {self._lost_in_time} receptions were lost for want of time "
                 "on the air"
             )
         key = "radio.medium" if self.radio == MAIN else f"networks.{self.radio}.medium"
@@ -103,6 +107,11 @@ class AirAccount:
             f"{self._network}the medium is ideal, where packets take no time: {self._too_much}; "
             f"give it a medium: {key}"
         )
+
+    @property
+    def _lost_in_time(self) -> int:
+        """Receptions that were lost for want of time on the air while the run lasted."""
+        return self.lost_waiting - self.waiting_at_end
 
     @property
     def _network(self) -> str:
@@ -138,12 +147,11 @@ def account_of(
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
     busy = edges_of(end_ns, BUSY_NS)
-    bits, need_s = 8.0 * float(offered.payload_bytes.sum()), float(offered.need_s.sum())
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
     if on_air_ns is not None:
         use = on_air_ns / max(end_ns, 1)
     waiting = [FATES.index(fate.value) for fate in WAITING]
-    is_waiting = np.isin(rows.columns["fate"], waiting)
+    fates, packets = rows.columns["fate"], rows.columns["packets"]
     received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)
     own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
     bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
@@ -152,10 +160,11 @@ def account_of(
         radio=capacity.network,
         medium=capacity.medium,
         takes_time=capacity.takes_time,
-        is_shared=capacity.is_shared,
+        is_shared=capacity.shared_by == "all",
+        shared_by=capacity.shared_by,
         packets=len(offered.tx),
         offered_bps=float(offered.bits_per_s(whole)[0]),
-        capacity_bps=bits / need_s if need_s > 0.0 else None,
+        capacity_bps=offered.capacity_bps(whole),
         share=float(offered.shares(whole)[0]),
         busiest_share=float(offered.shares(busy).max()),
         use_share=use,
@@ -163,7 +172,8 @@ def account_of(
         wait_p95_s=_number(waits, 1),
         delay_p50_s=_number(delays, 0),
         delay_p95_s=_number(delays, 1),
-        lost_waiting=int(rows.columns["packets"][is_waiting].sum()),
+        lost_waiting=int(packets[np.isin(fates, waiting)].sum()),
+        waiting_at_end=int(packets[fates == RUN_ENDED].sum()),
         received_most_bps=float(received_bps[most]),
         received_most_node=rows.nodes[most],
         received_most_share=float(received_bps[most] / bit_rates_bps[most]),

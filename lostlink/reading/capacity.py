@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings.base import Ideal
+from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
+from channel.access.settings.sik import SikMedium
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 
+SharedBy = Literal["all", "group", "sender"]
 UNITS = ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s"))
 
 
@@ -59,9 +63,26 @@ class Capacity:
         return not isinstance(self.settings, Ideal)
 
     @property
-    def is_shared(self) -> bool:
-        """Whether all nodes share it; else each has so much for itself, as with a schedule of slots."""
-        return bool(getattr(self.settings, "is_shared", True)) and self._slots is None
+    def shared_by(self) -> SharedBy:
+        """Who shares it: all nodes, those of a group, as of a NETID, or each sender has so much for itself."""
+        if not getattr(self.settings, "is_shared", True) or self._slots is not None:
+            return "sender"
+        return "group" if len(self._linked) > 1 else "all"
+
+    @property
+    def sharers(self) -> tuple[tuple[str, ...], ...]:
+        """Nodes that share what it carries; not those that the medium links with nobody."""
+        if self.shared_by == "sender":
+            return tuple((node,) for ids in self._linked for node in ids)
+        return self._linked
+
+    @property
+    def _linked(self) -> tuple[tuple[str, ...], ...]:
+        """Nodes that hear each other."""
+        nodes = tuple(self.radios)
+        if isinstance(self.settings, ElrsMedium | SikMedium):
+            return tuple(self.settings.links(nodes).values())
+        return (nodes,)
 
     @property
     def _slots(self) -> TdmaMedium | None:
@@ -82,14 +103,17 @@ class Capacity:
             payload_bytes: of the packet.
             priority: of the packet, where only some slots take it; None: it may be any.
         """
-        if isinstance(self.settings, Ideal):
+        settings = self.settings
+        if isinstance(settings, Ideal):
             radio = self.radios[node]  # a fixed length may be less than the payload's
             return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / radio.config.bit_rate_bps
         length_bytes = max(payload_bytes, 1)
         if (slots := self._slots) is not None:
             capacity_bps = slots.node_capacity_bps(node, length_bytes, self.bit_rate_bps, priority)
+        elif isinstance(settings, ElrsMedium):
+            capacity_bps = settings.node_capacity_bps(node, tuple(self.radios))
         else:
-            capacity_bps = self.settings.capacity_bps(length_bytes, self.bit_rate_bps)
+            capacity_bps = settings.capacity_bps(length_bytes, self.bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
 
     def payload_bytes(self, node: str, counted_bytes: int) -> int:

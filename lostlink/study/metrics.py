@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Container, Mapping
 from pathlib import Path
-from types import ModuleType
+from traceback import extract_tb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.agents.own import AgentError, load_module
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
@@ -124,24 +124,30 @@ def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_TH
 
 
 def load(function: Function) -> Callable[..., Any]:
-    """The function itself.
+    """The function itself; its file may import what lies beside it, as that of an agent may.
 
     Raises:
-        StudyError: it is not there. What the file raises is passed on.
+        StudyError: it is not there, or the file raises as it is loaded.
     """
-    found = getattr(_module(function.file), function.name, None)
+    try:
+        module = load_module(str(function.file))
+    except AgentError as error:
+        raise StudyError(str(error)) from error
+    except (Exception, SystemExit) as error:
+        raise StudyError(f"{_line_of(error, function.file)}: {type(error).__name__}: {error}") from error
+    found = getattr(module, function.name, None)
     if not callable(found):
         raise StudyError(f"{_told(function)}: there is no such function")
     return found  # type: ignore[no-any-return]
 
 
-def _module(file: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"study_{file.stem}", file)
-    assert spec is not None, "its name ends in .py"
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def _line_of(error: BaseException, file: Path) -> str:
+    """Where a file, or what it imports from its folder, raised as it was loaded: ``FILE:LINE``."""
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        return f"{error.filename}:{error.lineno}"
+    folder = file.parent.resolve()
+    own = [each for each in extract_tb(error.__traceback__) if Path(each.filename).is_relative_to(folder)]
+    return f"{own[-1].filename}:{own[-1].lineno}" if own else str(file)
 
 
 def _plain(value: Any, told: str) -> Any:

@@ -100,7 +100,7 @@ class Ideal(Variant):
 
     takes_time: ClassVar[bool] = False
     is_shared: ClassVar[bool] = True
-    """Whether `capacity_bps` is for all nodes together; else each sender has so much."""
+    """Whether `capacity_bps` is for all nodes that hear each other together; else each sender has so much."""
     model: Literal["ideal"] = "ideal"
 
     def carriers(self) -> None:

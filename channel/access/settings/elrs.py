@@ -62,3 +62,15 @@ class ElrsMedium(Variant):
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """User bits a second of a stream down, in full chunks."""
         return 8 * ELRS_MODES[self.mode].user_bytes_per_s
+
+    def node_capacity_bps(self, node: str, nodes: Sequence[str]) -> float:
+        """User bits a second of a stream from one node, in full chunks: up from a transmitter module, else down.
+
+        Args:
+            node: its id.
+            nodes: all ids, in their order.
+        """
+        mode = ELRS_MODES[self.mode]
+        if any(node == transmitter for transmitter, _ in self.links(nodes).values()):
+            return 8 * mode.user_bytes_up_per_s(has_rc=self.has_rc)
+        return 8 * mode.user_bytes_per_s

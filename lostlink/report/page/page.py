@@ -220,7 +220,7 @@ def _causes(totals: dict[str, Any]) -> list[Row]:
 
 
 def _air(air: dict[str, Any]) -> list[Row]:
-    whose = ", of each sender" if not air["is_shared"] else ""
+    whose = f", of the busiest {air['shared_by']}," if not air["is_shared"] else ""
     carrier = f"the medium carries{whose}" if air["takes_time"] else "the radio’s bit rate would carry"
     capacity = air["capacity_bps"]
     rows: list[Row] = [
@@ -241,6 +241,7 @@ def _air(air: dict[str, Any]) -> list[Row]:
             ["wait before the transmission, median and 95 %", _two(air, "wait")],
             ["delay from the agent’s word to arrival, median and 95 %", _two(air, "delay")],
             ["receptions lost for want of time on the air", count(air["lost_waiting"])],
+            ["of these, waiting when the run ended", count(air["waiting_at_end"])],
         ]
     return rows
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 import re
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
 
 from aps.vehicle.commander import argument_names
 from bridge.agents import Agent, UaClient
+from bridge.scenario.file import read_scenario
 
 PAGE = Path(__file__).parents[4] / "docs" / "reference" / "agents.md"
 WRITTEN = re.compile(r"[`(.]?(self\.|self\.ua\.|\.)(\w+)\(([a-z_]+[^()`]*)\)")
@@ -55,3 +57,10 @@ def test_a_place_has_the_names_that_the_command_has(name: str) -> None:
     places = [each for each in parameters if each.startswith(("lat", "lon", "alt"))]
     assert places == [each for each in argument_names(name) if each.startswith(("lat", "lon", "alt"))]
     assert places[-1] == "alt_rel_m"
+
+
+def test_the_parts_of_its_scenario_on_the_page_are_there() -> None:
+    own = read_scenario("separation").ua[0]
+    written = re.findall(r"`self\.config\.([\w.]+)`", PAGE.read_text(encoding="utf-8"))
+    assert written
+    assert all(attrgetter(name)(own) is not None for name in written)

@@ -161,6 +161,7 @@ def test_what_a_transmitter_sends_in_full(name: str, has_rc: bool, slots: int) -
     mode = ELRS_MODES[name]
     fragments = {5: 13, 10: 7}[mode.data_bytes]
     expected = CHUNK_BYTES / (fragments * slots * mode.interval_us * 1e-6)
+    assert mode.user_bytes_up_per_s(has_rc=has_rc) == pytest.approx(expected)
     seen = carried(Elrs(PlainWorld((0, 1)), ElrsSettings(mode, has_rc=has_rc)), 0, 10)
     assert seen == pytest.approx(expected, rel=0.01)
 

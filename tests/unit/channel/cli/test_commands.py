@@ -5,6 +5,8 @@ import pytest
 from click.testing import CliRunner
 
 from channel.cli.commands import main
+from channel.link.radio import Radio
+from channel.presets import load_radio
 
 
 def run(*arguments):
@@ -159,3 +161,17 @@ def test_the_distance_says_which_and_its_old_name_goes_on_unsaid():
     assert said == old
     assert said["slant_distance_m"] == pytest.approx(math.hypot(400.0, 260.0))
     assert "--distance" not in run("link", "--help").output.replace("--ground-distance", "")
+
+
+def test_help_says_where_the_receiver_lies():
+    assert "The receiver lies north of the transmitter" in " ".join(run("link", "--help").output.split())
+
+
+@pytest.mark.parametrize("name", ["moon2020", "disk", "satellite"])
+def test_longer_packets_come_as_far_with_the_radios_that_help_names(name):
+    assert f"({name})" in run("radios", "--help").output
+    radio, away_m = Radio(load_radio(name)), [10.0**power for power in range(1, 6)]
+    short, long = (
+        radio.delivery(ground_distance_m=away_m, length_bytes=length).probability for length in (40, 400)
+    )
+    assert short.tolist() == long.tolist()

@@ -156,6 +156,18 @@ def test_load_on_a_pair_of_sik_radios_is_over_what_their_firmware_carries() -> N
     assert f"{share:.2g} times what the medium sik carries" in warning
 
 
+def test_load_on_several_pairs_of_sik_radios_is_that_of_the_busiest() -> None:
+    """Two pairs of two that hold offer what one does, each over its own capacity; their sum was taken."""
+    text = TEXT.split("  - {id: gcs")[0].replace("corrected", "telemetry-915")
+    one, two = (
+        plan_of(parse_scenario(text.replace("count: 3", f"count: {count}"), "pairs.yaml")).load
+        for count in (2, 4)
+    )
+    assert (one.shared_by, two.shared_by, two.is_shared) == ("all", "group", False)
+    assert two.airtime_share == one.airtime_share
+    assert two.capacity_bps == one.capacity_bps
+
+
 def test_load_on_a_medium_is_over_what_it_carries() -> None:
     """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 40 for 20."""
     plan = on_medium("model=tdma", "slot_s=0.05", "guard_s=0.001")
@@ -198,11 +210,22 @@ def test_what_slots_carry_is_of_those_who_have_room_in_them() -> None:
 
 
 def test_load_on_expresslrs_is_held_against_user_bytes() -> None:
-    """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second."""
-    load = on_medium("model=elrs", "mode=lora-333-full")["load"]
-    assert load["airtime_share"] == pytest.approx(
-        20 * max(HOLDS_BYTES, FLIES_OUT_BYTES) / (62 / (7 * 2 * 0.003003))
-    )
+    """Half the slots of 3003 us are the receiver's, and 62 user bytes take 7 of them: 1475 bytes a second.
+
+    The transmitter, node 0, has every second of the others, or all of them without a remote control.
+    """
+    down = 20 * FLIES_OUT_BYTES / (62 / (7 * 2 * 0.003003))
+    for medium, up_slots in (("has_rc=true", 4), ("has_rc=false", 2)):
+        plan = on_medium("model=elrs", "mode=lora-333-full", medium)
+        load, up_bps = plan["load"], 8 * 62 / (7 * up_slots * 0.003003)
+        up = 20 * 8 * HOLDS_BYTES / up_bps
+        assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([up, down], rel=1e-3)
+        assert load["airtime_share"] == pytest.approx(max(up, down), rel=1e-3)
+    assert up < down
+    plan = on_medium("model=elrs", "mode=lora-333-full", more=["transmit.every_ticks=4"])
+    assert plan["load"]["capacity_bps"] == pytest.approx(8 * 62 / (7 * 4 * 0.003003))
+    (warning,) = plan["warnings"]
+    assert f"a node offers {5 * 8 * HOLDS_BYTES / plan['load']['capacity_bps']:.3g} times" in warning
 
 
 def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from lostlink.reading.air import (
     edges_of,
     frames_of,
     offered_of,
+    payloads_of,
     quantiles,
     received_bits_per_s,
 )
@@ -31,6 +33,8 @@ MOON_BPS = 20e6
 IDEAL = "{preset: telemetry-915, medium: {model: ideal}}"
 TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
 AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
+SIK = "{preset: telemetry-915}"
+ELRS = "{preset: elrs-2.4-333full}"
 DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
 
 
@@ -83,8 +87,35 @@ def test_a_packet_counts_once_whoever_it_is_for_and_what_the_host_lost_not_at_al
 def test_a_line_of_each_sender_is_as_full_as_the_fullest() -> None:
     given = rows({}, {"seq": 1}, {"tx": 1, "rx": 0})
     offered = offered_of(given, capacity(DELAY))
-    assert not offered.is_shared
+    assert capacity(DELAY).shared_by == "sender"
     assert offered.shares(np.array([0, S])) == pytest.approx([2 * 8 * 92 / 1000])
+
+
+def test_a_transmitter_of_expresslrs_has_half_of_what_its_receiver_has() -> None:
+    """62 bytes in 7 frames: up one in four slots of 3003 us beside a remote control, down one in two; 2 has no peer."""
+    given = rows(*({"tx": tx, "rx": 1 - tx % 2, "seq": seq} for tx in (0, 1, 2) for seq in range(10)))
+    account = account_of(given, capacity(ELRS), S)
+    up_bytes_per_s = 62 / (7 * 4 * 0.003003)
+    payload_bytes = payloads_of(given, capacity(ELRS)).tolist()[0]
+    assert account.capacity_bps == pytest.approx(8 * up_bytes_per_s)
+    assert account.share == pytest.approx(10 * payload_bytes / up_bytes_per_s)
+    assert [capacity(ELRS).packet_s(node, 92) for node in ("0", "1")] == pytest.approx(
+        [92 / up_bytes_per_s, 92 / 2 / up_bytes_per_s], rel=0.01
+    )
+
+
+def test_each_pair_of_sik_radios_has_its_own_time() -> None:
+    """Packets of 92 bytes: 10 of each of the one pair, 5 of each of the other, which have another NETID."""
+    one, two = (Capacity.of(scenario_of(SIK, nodes)) for nodes in (NODES[:2], (*NODES, "3")))
+    given = rows(
+        *({"tx": tx, "rx": tx ^ 1, "seq": seq} for tx in range(4) for seq in range(10 if tx < 2 else 5))
+    )
+    given = replace(given, nodes=(*NODES, "3"))
+    share = 20 * one.packet_s("0", 92)
+    account = account_of(given, two, S)
+    assert (one.shared_by, two.shared_by, account.is_shared) == ("all", "group", False)
+    assert account.share == pytest.approx(share)
+    assert account.capacity_bps == pytest.approx(8 * 92 / one.packet_s("0", 92))
 
 
 def test_use_is_the_sum_of_frames_each_once_with_its_attempts() -> None:
@@ -189,13 +220,16 @@ def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None
     assert BUSY_NS == 10 * S
 
 
-@pytest.mark.parametrize(("fate", "warns"), [("queue_full", True), ("delivered", False)])
+@pytest.mark.parametrize(
+    ("fate", "warns"), [("queue_full", True), ("delivered", False), ("run_ended", False)]
+)
 def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -> None:
     given = rows(*({"seq": seq, "fate": fate, "ended_ns": 11_500_000} for seq in range(100)))
     account = account_of(given, capacity(TDMA), S)
     assert account.busiest_share == pytest.approx(100 * 0.1 / 7)
     assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.1)
-    assert account.lost_waiting == (100 if warns else 0)
+    assert account.lost_waiting == (0 if fate == "delivered" else 100)
+    assert account.waiting_at_end == (100 if fate == "run_ended" else 0)
     assert ("1.43 times the 51.5 kbit/s that it carries" in account.warning) is warns
     assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
 

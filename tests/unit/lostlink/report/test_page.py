@@ -193,7 +193,7 @@ def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:
     scenario = scenario_of(
         "{preset: corrected, medium: {model: ideal}}",
         ("0", "1", "gcs"),
-        extra="networks: {mesh: {preset: telemetry-915, medium: {model: airtime}}}\n",
+        extra="networks: {mesh: {preset: telemetry-915, medium: {model: airtime, queue: {packets: 1}}}}\n",
     )
     nodes = tuple(
         n.model_copy(update={"networks": ("main",)}) if n.node == "gcs" else n for n in scenario.nodes
