@@ -13,6 +13,7 @@ The power of each is found by draws with other correlations: see `Question`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -155,7 +156,7 @@ class Changes:
             if is_fine and abs(changed) > MOST_MOVED:
                 return None
             more = _lasting(first.radio, other) - _lasting(first.radio, law)
-            slope = changed / more if more else 0.0
+            slope = _within(changed, changed / more, way) if more else 0.0
         normal = _scores(np.array([change_in_steps(first, second)]), right, uniform[-1:])
         return PowerChange(float(normal[0]), ratio, slope, way, first, second)
 
@@ -233,6 +234,16 @@ def _of_place_waves(pairs: list[PowerChange]) -> float:
     both = 0.5 * sum(_phi(way[:, np.newaxis] + sign * way) for sign in (-1.0, 1.0))
     varies = (both - np.outer(_phi(way), _phi(way))) / place_field.WAVES
     return float(slope @ varies @ slope) / len(some) ** 2
+
+
+def _within(changed: float, slope: float, way: FloatArray) -> float:
+    """Return a slope by which the waves of a run move a mean square no more than having no shadowing change does.
+
+    Over tiny ways most runs have no wave that is short enough to change anything, and few have much of it.
+    """
+    u = float(np.linalg.norm(way, axis=-1).sum())
+    spread = math.sqrt(-math.expm1(-2.0 * u) / (2.0 * place_field.WAVES))
+    return math.copysign(min(abs(slope), abs(changed) / spread), slope)
 
 
 def _phi(way: FloatArray) -> FloatArray:

@@ -56,6 +56,15 @@ def test_wrong_correlation_is_seen(name):
     )
 
 
+def test_ends_that_move_next_to_nothing_are_seen_as_those_that_hover():
+    """Of shadowing nothing changes there; a slope over such a way, taken for real, left a power of 0.2."""
+    radio, changes, world = RIGHT["fading of ends that hover"]
+    judged = replace(world, speed_mps=1e-9, packets=1500).verdict(radio_of(radio, changes), 0)
+    found = {check.name: check for check in judged.checks}[PACKETS]
+    assert found.power > 0.9
+    assert found.chance > 0.1
+
+
 def test_a_short_flight_says_that_it_sees_nothing_of_correlation():
     radio = radio_of("wifi-2.4", {})
     judged = replace(FLIGHT, pairs=1, packets=100).verdict(radio, 1)
