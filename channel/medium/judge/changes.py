@@ -26,7 +26,13 @@ from channel.draws import Draws
 from channel.fading import place_field, scatter
 from channel.link.radio import Radio
 from channel.medium.judge.check import Check, Unjudged, spread_check
-from channel.medium.judge.correlation import Correlations, correlations, lasting_m, of_changes
+from channel.medium.judge.correlation import (
+    Correlations,
+    correlations,
+    lasting_m,
+    of_changes,
+    shadowing_lasts,
+)
 from channel.medium.judge.heard import HeardPower, HeardPowers
 from channel.medium.judge.spots import Spots
 from channel.medium.judge.two_powers import ROWS, change_in_steps, changes_in_steps
@@ -152,7 +158,7 @@ class Changes:
         slope, ratio = 0.0, mean_square(defect)
         if way.any() and lasting_m(first.radio):
             other = defect if self._question.over else _standing(law)
-            changed = mean_square(other) - mean_square(law)
+            changed = (ratio if other is defect else mean_square(other)) - mean_square(law)
             if is_fine and abs(changed) > MOST_MOVED:
                 return None
             more = _lasting(first.radio, other) - _lasting(first.radio, law)
@@ -180,9 +186,7 @@ def _scores(found: NDArray[np.int64], drawn: NDArray[np.int64], v: FloatArray) -
 
 def _lasting(radio: Radio, law: Correlations) -> float:
     """Return the correlation of what lasts over place (`lasting_m`)."""
-    shadowing = radio.config.shadowing
-    lasts = shadowing.is_random and shadowing.decorrelation_m is not None
-    return float((law.shadowing if lasts else law.sight)[0])
+    return float((law.shadowing if shadowing_lasts(radio) else law.sight)[0])
 
 
 def _together(pairs: list[PowerChange]) -> float:
@@ -241,13 +245,17 @@ def _within(changed: float, slope: float, way: FloatArray) -> float:
 
     Over tiny ways most runs have no wave that is short enough to change anything, and few have much of it.
     """
-    u = float(np.linalg.norm(way, axis=-1).sum())
-    spread = math.sqrt(-math.expm1(-2.0 * u) / (2.0 * place_field.WAVES))
+    spread = math.sqrt(-math.expm1(-2.0 * float(_length(way))) / (2.0 * place_field.WAVES))
     return math.copysign(min(abs(slope), abs(changed) / spread), slope)
 
 
 def _phi(way: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(-np.linalg.norm(way, axis=-1).sum(axis=-1)))
+    return np.asarray(np.exp(-_length(way)))
+
+
+def _length(way: FloatArray) -> FloatArray:
+    """Return that of both ends' ways together, shape (..., 2, 3) -> (...)."""
+    return np.asarray(np.linalg.norm(way, axis=-1).sum(axis=-1))
 
 
 def _swapped(radio: Radio, law: Correlations) -> Correlations:

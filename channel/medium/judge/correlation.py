@@ -65,10 +65,15 @@ def of_places(look: HeardPower, others: HeardPowers, spacing_m: float) -> FloatA
 
 def lasting_m(radio: Radio) -> float:
     """Return how far the ends have to move for shadowing, or else the line of sight, to fall to 1/e; 0: no way."""
-    shadowing = radio.config.shadowing
-    if shadowing.is_random and shadowing.decorrelation_m is not None:
-        return shadowing.decorrelation_m
+    if shadowing_lasts(radio):
+        return float(radio.config.shadowing.decorrelation_m or 0.0)
     return 0.0 if radio.sight is None else radio.sight.decorrelation_m
+
+
+def shadowing_lasts(radio: Radio) -> bool:
+    """Return whether shadowing is a field over place."""
+    shadowing = radio.config.shadowing
+    return bool(shadowing.is_random and shadowing.decorrelation_m is not None)
 
 
 def shared_ends(radio: Radio) -> float:

@@ -47,28 +47,24 @@ def ends(view: ViewProcess) -> None:
     process.stdin.close()
 
 
-@pytest.mark.parametrize("view", [SERVES.format(status=3)], indirect=True)
-async def test_a_view_that_ends_after_it_served_is_told_once(view: ViewProcess, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("view", "is_failure"),
+    [(SERVES.format(status=3), True), (SERVES.format(status=0), False)],
+    indirect=["view"],
+    ids=["failed", "was asked to end"],
+)
+async def test_of_a_view_that_served_a_failure_is_told_once(
+    view: ViewProcess, is_failure: bool, tmp_path: Path
+) -> None:
     run = RunDirectory.create(tmp_path, "run")
     with view:
         view.start(run)
         failures = view.failures(run)
         assert await anext(failures) == ""
         ends(view)
-        told = [failure async for failure in failures]
-        assert told == [f"the view ended before the run; its log is {run.log_path('view')}"]
+        text = f"the view ended before the run; its log is {run.log_path('view')}"
+        assert [failure async for failure in failures] == ([text] if is_failure else [])
         assert not view.failure(run)
-
-
-@pytest.mark.parametrize("view", [SERVES.format(status=0)], indirect=True)
-async def test_a_view_that_was_asked_to_end_is_no_failure(view: ViewProcess, tmp_path: Path) -> None:
-    run = RunDirectory.create(tmp_path, "run")
-    with view:
-        view.start(run)
-        failures = view.failures(run)
-        assert await anext(failures) == ""
-        ends(view)
-        assert [failure async for failure in failures] == []
 
 
 @pytest.mark.parametrize("view", ["raise SystemExit(3)"], indirect=True)
