@@ -34,7 +34,7 @@ def link(baud: int) -> Iterator[tuple[psutil.Process, dict[str, int]]]:
     """A link that is up, and the ports of its hosts."""
     words = ["modem", "--gcs", "tcpin::0", "--autopilot", "tcpin::0", "--radio", "sik-433", "--json"]
     words += ["--distance", "50", "--baud", str(baud)]
-    command = [sys.executable, "-m", "lostlink.cli.entry", *words]
+    command = [sys.executable, "-m", "lostlink", *words]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None

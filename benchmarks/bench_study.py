@@ -58,7 +58,7 @@ def flown(changes: Mapping[str, Any], seeds: int, duration_s: float | None) -> d
         command = [
             sys.executable,
             "-m",
-            "lostlink.cli.entry",
+            "lostlink",
             "study",
             str(file),
             "--out",

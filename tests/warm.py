@@ -46,7 +46,7 @@ EXPECTATIONS_FAILED = 3
 STATUS_BYTES = 4
 
 
-LOSTLINK = (sys.executable, "-m", "lostlink.cli.entry")
+LOSTLINK = (sys.executable, "-m", "lostlink")
 _OURS = dict(os.environ)
 """The environment that the tests began with."""
 OF_NO_RUN = ("PYTEST_", "MAVLINK_", "RUST_LOG")

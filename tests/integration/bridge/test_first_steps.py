@@ -30,7 +30,7 @@ def test_every_command_of_the_page_works(tmp_path: Path, free_slot: Callable[[in
     tools = tmp_path / "bin"
     tools.mkdir()
     elsewhere = f'[ "$1" = run ] && set -- "$@" --first-slot {free_slot(2)} --zenoh-port 0'
-    for name, module, ports in (("python", "", ""), ("lostlink", "-m lostlink.cli.entry", elsewhere)):
+    for name, module, ports in (("python", "", ""), ("lostlink", "-m lostlink", elsewhere)):
         (tools / name).write_text(f'#!/bin/sh\n{ports}\nexec "{sys.executable}" {module} "$@"\n')
         (tools / name).chmod(0o755)
     work = tmp_path / "work"

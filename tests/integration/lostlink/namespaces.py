@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 
-LOSTLINK = [sys.executable, "-m", "lostlink.cli.entry"]
+LOSTLINK = [sys.executable, "-m", "lostlink"]
 
 
 def _why_none() -> str:

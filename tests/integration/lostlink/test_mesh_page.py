@@ -39,7 +39,7 @@ def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -
     told = {}
     for command in COMMANDS:
         line = command.replace("lostlink run", f"lostlink run --first-slot {free_slot(4)} --zenoh-port 0")
-        line = re.sub(r"^lostlink", f"{sys.executable} -m lostlink.cli.entry", line)
+        line = re.sub(r"^lostlink", f"{sys.executable} -m lostlink", line)
         line = re.sub(r"^python", sys.executable, line)
         done = subprocess.run(
             ["bash", "-c", line],

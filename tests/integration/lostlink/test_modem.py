@@ -197,7 +197,7 @@ async def test_the_command_between_a_station_and_a_standin(tmp_path: Path) -> No
         )
         autopilot = await stack.enter_async_context(child(*words, stderr=STDOUT))
         port = await says(autopilot.stdout, r"tcp:127\.0\.0\.1:(\d+)")
-        command = ["lostlink.cli.entry", "modem", "--gcs", "tcpin::0", "--autopilot", f"tcp::{port}"]
+        command = ["lostlink", "modem", "--gcs", "tcpin::0", "--autopilot", f"tcp::{port}"]
         command += ["--distances", str(away), "--seed", "7", "--json", "--set", "radio.bursts.model=none"]
         link = await stack.enter_async_context(child(*command, stderr=PIPE))
         ground_port = await says(link.stderr, r"ready: ground station at tcpin:127\.0\.0\.1:(\d+)")

@@ -37,7 +37,7 @@ def test_the_page_has_commands_of_all_kinds() -> None:
 def test_commands_of_the_page(command: str, tmp_path: Path) -> None:
     write_files(tmp_path)
     first, *words = shlex.split(LISTENS.sub(r"\1:0", command))
-    options = ["-m", "lostlink.cli.entry", *words, "--duration", "2"] if first == "lostlink" else words
+    options = ["-m", "lostlink", *words, "--duration", "2"] if first == "lostlink" else words
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, *options],

@@ -48,7 +48,7 @@ def test_commands_of_the_page(tmp_path: Path, free_slot: Callable[[int], int]) -
         words = [str(*tmp_path.glob(word)) if "*" in word else word for word in words]
         is_live = number == 1
         words += ["--duration", "40", "--speed", "4"] if is_live else []
-        process = started(tmp_path, "-m", "lostlink.cli.entry", verb, *words)
+        process = started(tmp_path, "-m", "lostlink", verb, *words)
         station = started(tmp_path, "station.py") if is_live else None
         told, _ = process.communicate(timeout=250)
         assert process.returncode == 0, told

@@ -45,7 +45,7 @@ def lostlink(tmp_path: Path) -> Callable[..., str]:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
     def run(*arguments: str) -> str:
-        command = [str(there / "bin" / "python"), "-m", "lostlink.cli.entry", *arguments]
+        command = [str(there / "bin" / "python"), "-m", "lostlink", *arguments]
         done = subprocess.run(
             command, cwd=empty, env=environment, capture_output=True, text=True, timeout=100, check=False
         )

@@ -63,7 +63,7 @@ def make_study(tmp_path) -> Callable[..., Path]:
 
 
 def command(file: Path, out: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "lostlink.cli.entry", "study", str(file), "--out", str(out), *options]
+    return [sys.executable, "-m", "lostlink", "study", str(file), "--out", str(out), *options]
 
 
 def fly(file: Path, out: Path, *options: str) -> subprocess.CompletedProcess[str]:
