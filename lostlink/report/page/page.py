@@ -10,6 +10,7 @@ from lostlink.flight.exits import RunOutcome
 from lostlink.reading.air import BUSY_NS, NS_PER_S
 from lostlink.reading.capacity import rate_text
 from lostlink.report.page.words import NOTHING, count, num, share
+from lostlink.report.pictures.radio import told_of_delivery
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -78,6 +79,7 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
             for c in content["checks"]
         ],
         nodes=[_node(node) for node in content["nodes"]],
+        delivery_caption=told_of_delivery(content) if content["bins"] else "",
         powers=[_power(box) for box in content["powers"]["boxes"]],
         links=[_link(link) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),

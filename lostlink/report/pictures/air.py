@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lostlink.report.pictures.theme import FAINT, SERIES, figure_of, svg_of, themed
+from lostlink.report.pictures.theme import FAINT, SERIES, figure_of, logarithmic, svg_of, themed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ def draw_air_use(air: dict[str, Any]) -> str:
             _step(axes, air, shares, color, name)
         axes.set(xlabel="sim time, s", ylabel="share of the time", xlim=(0, air["end_s"]))
         if max((share for _, shares, _ in lines for share in shares), default=0.0) > LOG_FROM:
-            _logarithmic(axes)
+            logarithmic(axes)
         else:
             axes.set_ylim(bottom=0)
         axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -47,19 +47,9 @@ def draw_air_delay(air: dict[str, Any]) -> str:
                 values = [np.nan if v is None else v for v in air["series"][f"{key}_{of}_s"]]
                 _step(axes, air, values, color, f"{name}, {told}", style)
         axes.set(xlabel="sim time, s", ylabel="time, s", xlim=(0, air["end_s"]))
-        _logarithmic(axes)
+        logarithmic(axes)
         axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         return svg_of(figure, "air-delay", "Waits and delays of packets over sim time: medians and 95 %.")
-
-
-def _logarithmic(axes: Axes) -> None:
-    """Ticks at 1, 2 and 5, as plain numbers."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _step(axes: Axes, air: dict[str, Any], values: Any, color: str, name: str, style: str = "-") -> None:

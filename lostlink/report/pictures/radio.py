@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lostlink.flight.figure import draw_measured
-from lostlink.flight.summary import of_transmissions
-from lostlink.report.pictures.theme import FAINT, GOOD, LOSSES, SERIES, figure_of, svg_of, themed
+from lostlink.flight.summary import of_transmissions, shares_draws
+from lostlink.report.pictures.theme import FAINT, GOOD, LOSSES, SERIES, figure_of, logarithmic, svg_of, themed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ DARK_BELOW = 0.55
 
 
 def draw_delivery(content: dict[str, Any]) -> str:
-    """Fig. 6 of the run: measured probability of delivery with its 99 % intervals, over the model's curve."""
+    """Fig. 6 of the run: measured probability of delivery, over the model's curve."""
     bins, model = content["bins"], content["model"]
     with themed():
         figure, axes = figure_of(8.0, 4.2)
@@ -41,9 +41,22 @@ def draw_delivery(content: dict[str, Any]) -> str:
             xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m)
         )
         axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        told = "Measured probability of delivery over distance, with 99 % intervals"
-        told += ", of first transmissions, each as if alone on the air" if of_transmissions(bins) else ""
-        return svg_of(figure, "delivery", told + (", and the curve of the model." if model else "."))
+        return svg_of(figure, "delivery", told_of_delivery(content))
+
+
+def told_of_delivery(content: dict[str, Any]) -> str:
+    """What the picture of delivery shows, and which intervals there are."""
+    bins = content["bins"]
+    width_m = bins[0]["distance_max_m"] - bins[0]["distance_min_m"]
+    told = f"Measured probability of delivery in steps of {width_m:g} m"
+    told += ", of first transmissions, each as if alone on the air" if of_transmissions(bins) else ""
+    if shares_draws(bins):
+        told += " (packets share shadowing or fading: no intervals)"
+    else:
+        told += ", with 99 % binomial (Clopper-Pearson) intervals"
+    if content["model"]:
+        return told + ", over the model’s curve averaged over its random terms."
+    return told + ". The model has no single curve here, or could not be computed."
 
 
 def draw_powers(content: dict[str, Any]) -> str:
@@ -116,8 +129,8 @@ def draw_ages(content: dict[str, Any]) -> str:
         for series in ages["series"]:
             values = [np.nan if value is None else value for value in series["age_s"]]
             axes.step(ages["sim_time_s"], values, where="post", label=series["name"])
-        axes.set(xlabel="sim time, s", ylabel="age of information, s", yscale="log")
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.set(xlabel="sim time, s", ylabel="age of information, s")
+        logarithmic(axes)
         axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         return svg_of(
             figure, "ages", "Age of the newest packet received, over time; its greatest values per period."

@@ -71,6 +71,16 @@ def figure_of(width_in: float = 8.0, height_in: float = 3.6) -> tuple[Figure, Ax
     return figure, figure.subplots()
 
 
+def logarithmic(axes: Axes) -> None:
+    """Make values logarithmic, with ticks at 1, 2 and 5, as plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
 def svg_of(figure: Figure, name: str, told: str) -> str:
     """The figure as an ``<svg>`` to stand in a page; the same figure gives the same text.
 

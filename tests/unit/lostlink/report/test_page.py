@@ -17,6 +17,7 @@ from lostlink.reading.run import load_run
 from lostlink.report.content import content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.pictures.all import draw_all
+from lostlink.report.pictures.radio import draw_ages, told_of_delivery
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "air_use", "age_matrix", "ages"}
@@ -218,3 +219,17 @@ def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:
     summary = summarise(RunDirectory(run).scenario, RunDirectory(run), Timing(0.95, 1.0), "duration")
     assert [(each["radio"], each["packets"]) for each in summary["air"]] == [("main", 20), ("mesh", 40)]
     assert "; medium ideal; mesh: medium airtime, offered 2." in summary["verdict"]
+
+
+def test_intervals_are_told_of_where_there_are_some(content: dict[str, Any]) -> None:
+    told = told_of_delivery(content)
+    assert "in steps of 20 m, with 99 % binomial (Clopper-Pearson) intervals, over the model" in told
+    shared = [row | {"ci99": None, "predicted": 0.5} for row in content["bins"]]
+    assert "(packets share shadowing or fading: no intervals)" in told_of_delivery(content | {"bins": shared})
+
+
+def test_ages_of_less_than_a_decade_have_ticks_in_plain_numbers(content: dict[str, Any]) -> None:
+    at_s = {"sim_time_s": [0.0, 1.0], "series": [{"name": "0 to 1", "age_s": [0.1, 0.3]}]}
+    texts = re.findall(r">([^<>]+)</text>", draw_ages({"ages": at_s}))
+    assert {"0.1", "0.2"} <= set(texts)
+    assert not any("10^" in text for text in texts)
