@@ -88,6 +88,11 @@ class AirPacket:
     key: str = ""
     members: frozenset[int] | None = None
 
+    @property
+    def is_from_above(self) -> bool:
+        """Whether a layer above routing sent it, with headers of its own, as IP does; else it is routing's own."""
+        return True
+
     def is_for(self, node: int) -> bool:
         """Whether a node is to have it; of others that hear it there is no fate."""
         if self.to is not None:

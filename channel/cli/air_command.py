@@ -64,7 +64,11 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 @click.option("--rts-from-bytes", type=int, help="Of csma: unicasts of at least so much are announced.")
 @click.option("--bitrate-bps", default=64_000.0, show_default=True, help="Of airtime, delay and tdma.")
 @click.option(
-    "--header-bytes", default=0, show_default=True, help="That each packet gets, of airtime, delay and tdma."
+    "--header-bytes",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0, 1000),
+    help="That each packet gets, of airtime, csma, delay and tdma; of csma beside the MAC's 36.",
 )
 @click.option(
     "--delay-ms",
@@ -156,7 +160,7 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
       lostlink air tdma --slot-ms 20 --nodes 6 --to one --json
       lostlink air delay --delay-ms 20 45 120 --outage-s 120 5 --bitrate-bps 1e6
       lostlink air elrs --mode 900-200 --to one --length-bytes 40
-      lostlink air csma --radio wifi-2.4 --ring-m 400 --plot air.png
+      lostlink air csma --radio wifi-2.4 --header-bytes 28 --ring-m 400 --plot air.png
       lostlink air sik --nodes 2 --air-kbps 64 --length-bytes 50 --duration 60
 
     sik: nodes talk two by two in their order; what is for all goes to the other of the two, what is for a node
@@ -201,7 +205,11 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
     limits = QueueLimits(options["queue"])
     world, hearing, reach_ns = _world(options)
     if medium == "csma":
-        settings = DcfSettings(rts_from_bytes=options["rts_from_bytes"], reach_ns=reach_ns)
+        settings = DcfSettings(
+            rts_from_bytes=options["rts_from_bytes"],
+            reach_ns=reach_ns,
+            header_bytes=options["header_bytes"],
+        )
         if options["radio"]:
             hearing = Hearing(hearing.preamble_mw, float(ratio_from_db(ENERGY_DBM)))
         return Csma(

@@ -130,3 +130,8 @@ class HopPacket(AirPacket):
     """
 
     cargo: Cargo = field(default_factory=Cargo, compare=False, repr=False)
+
+    @property
+    def is_from_above(self) -> bool:
+        """Notices are routing's own."""
+        return self.cargo.leg is not None

@@ -30,7 +30,7 @@ class Notice(NamedTuple):
 
     Attributes:
         content: the router's own.
-        length_bytes: as the medium gets it.
+        length_bytes: as the medium gets it: with headers of its own, of IP too if it has them.
         delay_ns: before it enters the radio.
     """
 

@@ -38,12 +38,14 @@ class DcfSettings:
         uses_eifs: whether stations wait EIFS, not DIFS, after a frame with errors; Bianchi's formula has both.
         reach_ns: the longest way, there and back, that an answer is waited for beyond its own length; 802.11's coverage
             classes add up to 93 us.
+        header_bytes: of the layers above, as IP and UDP, within the MAC's frame of each packet that comes from there.
     """
 
     attempts_max: int = 7
     rts_from_bytes: int | None = None
     uses_eifs: bool = True
     reach_ns: int = 0
+    header_bytes: int = 0
 
     def __post_init__(self) -> None:
         if self.attempts_max < 1:
@@ -88,6 +90,10 @@ class Csma(AccessMedium):
     def next_packet(self, node: int) -> AirPacket | None:
         """What a station sends next."""
         return self._next(node)
+
+    def body_bytes(self, packet: AirPacket) -> int:
+        """What the MAC carries of a packet: its length and the headers of the layers above."""
+        return packet.length_bytes + (self.settings.header_bytes if packet.is_from_above else 0)
 
     def received(self, frame: AirFrame, packet: AirPacket, attempts: int) -> None:
         """A unicast came to its node, for the first time."""
@@ -193,10 +199,8 @@ class Station:
     def foreseen(self, packet: AirPacket) -> AirFrame:
         """A broadcast's frame, if nothing is in its way."""
         timing, at_ns = self._timing, packet.at_ns + self._difs_ns
-        length_bytes, ended_ns = (
-            packet.length_bytes + timing.header_bytes,
-            at_ns + timing.broadcast_ns(packet.length_bytes),
-        )
+        body_bytes = self._medium.body_bytes(packet)
+        length_bytes, ended_ns = body_bytes + timing.header_bytes, at_ns + timing.broadcast_ns(body_bytes)
         return AirFrame(self._node, self._frames, DATA, length_bytes, at_ns, ended_ns, packet)
 
     def foreseen_backoff(self) -> int:
@@ -248,10 +252,11 @@ class Station:
         assert packet is not None
         self.attempts += 1
         if packet.to is None:
-            self._transmit(DATA, self._timing.broadcast_ns(packet.length_bytes), self._done, packet=packet)
+            duration_ns = self._timing.broadcast_ns(self._medium.body_bytes(packet))
+            self._transmit(DATA, duration_ns, self._done, packet=packet)
         elif self._is_announced(packet):
             timing = self._timing
-            rest_ns = timing.control_ns(CTS_BYTES) + timing.duration_ns(packet.length_bytes)
+            rest_ns = timing.control_ns(CTS_BYTES) + timing.duration_ns(self._medium.body_bytes(packet))
             reserved_ns = 3 * timing.sifs_ns + rest_ns + timing.control_ns(ACK_BYTES)
             await_cts = partial(self._await, timing.control_ns(CTS_BYTES))
             self._transmit(
@@ -269,7 +274,7 @@ class Station:
         ack_ns = timing.control_ns(ACK_BYTES)
         self._transmit(
             DATA,
-            timing.duration_ns(packet.length_bytes),
+            timing.duration_ns(self._medium.body_bytes(packet)),
             partial(self._await, ack_ns),
             packet=packet,
             reserved_ns=timing.sifs_ns + ack_ns,
@@ -287,7 +292,8 @@ class Station:
     ) -> None:
         now_ns, number = self._agenda.now_ns, self._frames
         self._frames += 1
-        length_bytes = LENGTHS[kind] if packet is None else packet.length_bytes + self._timing.header_bytes
+        header_bytes = self._timing.header_bytes
+        length_bytes = LENGTHS[kind] if packet is None else self._medium.body_bytes(packet) + header_bytes
         ended_ns = now_ns + duration_ns
         frame = AirFrame(
             self._node,

@@ -34,9 +34,17 @@ class CsmaMedium(Shared):
         default=None, gt=0.0, description="of broadcasts and control frames; the lowest unless given"
     )
     clock: float = Field(default=1.0, description="of the symbols: 0.5 and 0.25 are channels of 10 and 5 MHz")
+    header_bytes: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="of the layers above, within the MAC's frame of each packet; 28 are those of IPv4 and UDP",
+    )
     short_preamble: bool = Field(default=False, description="of 11b")
     attempts_max: int = Field(default=7, ge=1, le=255, description="of a unicast, then it is given up")
-    rts_from_bytes: int | None = Field(default=None, ge=0, description="unicasts from here on are announced")
+    rts_from_bytes: int | None = Field(
+        default=None, ge=0, description="unicasts whose packets are so long, or longer, are announced"
+    )
     reach_m: float = Field(
         default=3000.0,
         ge=0.0,
@@ -83,7 +91,9 @@ class CsmaMedium(Shared):
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium."""
         reach_ns = round(2.0 * self.reach_m / SPEED_OF_LIGHT_MPS * NS_PER_S)
-        settings = DcfSettings(self.attempts_max, self.rts_from_bytes, reach_ns=reach_ns)
+        settings = DcfSettings(
+            self.attempts_max, self.rts_from_bytes, reach_ns=reach_ns, header_bytes=self.header_bytes
+        )
         return Csma(
             surroundings.world,
             self.timing(),
@@ -96,5 +106,6 @@ class CsmaMedium(Shared):
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
         """Bits of broadcasts of a length per second, if one station sends them back to back."""
         timing = self.timing()
-        cycle_ns = timing.difs_ns + timing.cw_min / 2 * timing.slot_ns + timing.broadcast_ns(length_bytes)
+        frame_ns = timing.broadcast_ns(length_bytes + self.header_bytes)
+        cycle_ns = timing.difs_ns + timing.cw_min / 2 * timing.slot_ns + frame_ns
         return 8 * length_bytes * NS_PER_S / cycle_ns

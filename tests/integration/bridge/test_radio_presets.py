@@ -28,8 +28,8 @@ FAR_M = 400e3
 
 
 def ofdm_us(mbps: int) -> int:
-    """IEEE 802.11: 20 us, then symbols of 4 us; MAC, LLC and FCS are 36 bytes."""
-    return 20 + 4 * ceil((22 + 8 * (LENGTH_BYTES + 36)) / (4 * mbps))
+    """IEEE 802.11-2020, 17: 20 us, then symbols of 4 us; MAC, LLC and FCS are 36 bytes, IPv4 and UDP 28."""
+    return 20 + 4 * ceil((16 + 8 * (LENGTH_BYTES + 36 + 28) + 6) / (4 * mbps))
 
 
 SIK_US = 8 * (8 + 2 + 2 + 1 + LENGTH_BYTES + 2 + 2) / 0.064

@@ -1,4 +1,8 @@
+import re
+from pathlib import Path
+
 import pytest
+import yaml
 
 from channel import presets
 from channel.presets import PresetError
@@ -137,6 +141,48 @@ def test_tables_can_be_set_and_given_in_a_mapping(tmp_path):
     )
     assert set_radio.error == spelled.error
     assert set_radio.error.table == ((0.0, 1.0), (5.0, 0.5), (10.0, 0.0))
+
+
+ATTACH = (Path(__file__).parents[3] / "docs" / "how-to" / "attach.md").read_text(encoding="utf-8")
+FOR_IP = yaml.safe_load(re.search(r"```yaml\n(wifi-2.4: .*?)```", ATTACH, re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("name", FOR_IP)
+def test_a_preset_for_ip_packets_as_the_page_on_attached_programs_has_it(name):
+    """1500 bytes of IP last as long, and count for as many, as the 1472 of a datagram in them."""
+    datagrams, packets = presets.load_radio(name), presets.radio_from_mapping({"preset": name} | FOR_IP[name])
+    assert (datagrams.mtu_bytes, packets.mtu_bytes) == (1472, 1500)
+    assert datagrams.length.length_bytes(1472) == packets.length.length_bytes(1500)
+    assert getattr(packets.medium, "max_length_bytes", 1500) >= 1500
+    if packets.medium.takes_time:
+        frame_s = [8 * n / each.medium.capacity_bps(n, 0) for each, n in ((datagrams, 1472), (packets, 1500))]
+        assert frame_s[0] == pytest.approx(frame_s[1])
+
+
+def test_the_page_on_attached_programs_has_all_presets_for_datagrams():
+    assert set(FOR_IP) == {
+        name for name in presets.preset_names() if presets.load_radio(name).mtu_bytes == 1472
+    }
+
+
+MAC_BYTES = 24 + 8 + 4
+"""Of 802.11: header, LLC and SNAP, FCS."""
+
+
+def test_headers_of_a_preset_are_the_same_on_its_medium_and_without_time():
+    headers = {
+        name: (
+            config.length.overhead_bytes,
+            config.medium.header_bytes + MAC_BYTES * (config.medium.model == "csma"),
+        )
+        for name in presets.preset_names()
+        if hasattr((config := presets.load_radio(name)).medium, "header_bytes")
+    }
+    assert headers == {
+        **dict.fromkeys(("wifi-2.4", "wifi-5.8"), (64, 64)),
+        **dict.fromkeys(("lte-uav", "satellite"), (28, 28)),
+        "xbee-900hp": (24, 24),
+    }
 
 
 @pytest.mark.parametrize(

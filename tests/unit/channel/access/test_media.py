@@ -20,6 +20,8 @@ from channel.access.media.tdma import Schedule, Tdma
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.radio_world import RadioWorld
+from channel.access.settings.base import Surroundings
+from channel.access.settings.csma import CsmaMedium
 from channel.access.timing import BitRate, wifi_a, wifi_b, wifi_g
 from channel.access.world import AirFrame, Piece, PlainWorld, World
 from channel.link.radio import Radio
@@ -331,6 +333,65 @@ def test_a_node_without_a_slot_hears_and_has_no_room_for_its_packets() -> None:
 def test_how_long_a_frame_lasts(timing: object, length_bytes: int, us: float) -> None:
     """128 and 100 bytes in all, by the clauses of the standard."""
     assert timing.duration_ns(length_bytes) == us * 1000  # type: ignore[attr-defined]
+
+
+DATAGRAM_BYTES = 328
+DATAGRAM_NS, RAW_NS = 554_000, 518_000
+"""802.11g, 6 Mb/s: 20 us, symbols of 4 us for 22 + 8 (328 + 36 + 28) bits at 24 each, and 6 us; and without the 28."""
+
+
+@pytest.mark.parametrize(("header_bytes", "frame_ns"), [(28, DATAGRAM_NS), (0, RAW_NS)])
+def test_headers_of_the_layers_above_are_on_the_air_with_each_packet(
+    header_bytes: int, frame_ns: int
+) -> None:
+    """Broadcast, and unicast in seven attempts; a frame's errors are those of all its bytes."""
+    settings = DcfSettings(header_bytes=header_bytes)
+    medium = Csma(PlainWorld((0, 1, 2), deaf=((0, 2),)), wifi_g(), settings=settings)
+    packets = [
+        AirPacket(0, number, to, DATAGRAM_BYTES, number * 100 * MS) for number, to in enumerate((None, 1, 2))
+    ]
+    for packet in packets:
+        medium.offer(packet)
+    fates = [one for one in medium.run(S) if isinstance(one, AirFate)]
+    assert [(fate.receiver, fate.attempts) for fate in fates if fate.packet.to is not None] == [
+        (1, 1),
+        (2, 7),
+    ]
+    for fate in fates:
+        assert fate.frame is not None
+        assert fate.ended_ns - fate.started_ns == frame_ns
+        assert fate.frame.length_bytes == DATAGRAM_BYTES + 36 + header_bytes
+    foreseen = medium._stations[0].foreseen(packets[0])
+    assert foreseen.ended_ns - foreseen.started_ns == frame_ns
+    assert foreseen.length_bytes == DATAGRAM_BYTES + 36 + header_bytes
+
+
+@pytest.mark.parametrize("rts_from_bytes", [None, 0])
+def test_control_frames_have_no_headers_of_the_layers_above(rts_from_bytes: int | None) -> None:
+    """14 bytes of ACK and CTS last 50 us, 20 of RTS 58, each after SIFS, and the NAV of an RTS counts the headers."""
+    settings = DcfSettings(header_bytes=28, rts_from_bytes=rts_from_bytes)
+    medium = Csma(PlainWorld((0, 1)), wifi_g(), settings=settings)
+    medium.offer(AirPacket(0, 0, 1, DATAGRAM_BYTES, 0))
+    fate, reply = medium.run(S)
+    assert isinstance(reply, Reply)
+    announced_ns = 0 if rts_from_bytes is None else 58_000 + 10_000 + 50_000 + 10_000
+    assert isinstance(fate, AirFate)
+    assert fate.started_ns == 28_000 + announced_ns
+    assert reply.at_ns == fate.started_ns + DATAGRAM_NS + 10_000 + 50_000
+
+
+def test_a_setting_has_the_headers_on_the_air_and_in_what_is_carried() -> None:
+    """One broadcaster: DIFS of 28 us, 7.5 slots of 9 us, the frame."""
+    for header_bytes, frame_ns in ((28, DATAGRAM_NS), (0, RAW_NS)):
+        settings = CsmaMedium(header_bytes=header_bytes)
+        carried_bps = 8 * DATAGRAM_BYTES / (28_000 + 7.5 * 9_000 + frame_ns) * 1e9
+        assert settings.capacity_bps(DATAGRAM_BYTES, 0.0) == pytest.approx(carried_bps)
+        surroundings = Surroundings(PlainWorld((0, 1)), {"0": 0, "1": 1}, 1, 6e6, -95.0, 20e6, ())
+        medium = settings.open(surroundings)
+        medium.offer(AirPacket(0, 0, None, DATAGRAM_BYTES, 0))
+        [fate] = [one for one in medium.run(S) if isinstance(one, AirFate)]
+        assert fate.ended_ns - fate.started_ns == frame_ns
+    assert CsmaMedium().header_bytes == 0
 
 
 def test_mistakes_are_said() -> None:

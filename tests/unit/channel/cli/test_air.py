@@ -40,6 +40,12 @@ def test_little_load_comes_through_at_once(medium: str) -> None:
     assert load["delay_median_s"] < {"tdma": 0.03, "sik": 0.12}.get(medium, 0.005)
 
 
+def test_headers_of_the_layers_above_are_on_the_air() -> None:
+    """802.11g, 6 Mb/s: DIFS of 28 us, then 554 us for 328 + 28 + 36 bytes."""
+    (load,) = results("csma", *("--load-bps", "1000", "--length-bytes", "328", "--header-bytes", "28"))
+    assert load["delay_median_s"] == pytest.approx((28 + 554) / 1e6)
+
+
 def test_a_network_of_delays() -> None:
     """95 % come within what is asked for, and the outage of two ends is 1 - (4/5)^2 on average."""
     (load,) = results(

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from channel.access.media.airtime import AirTime
+from channel.access.media.csma import Csma, DcfSettings
 from channel.access.packets import AirFate, AirPacket, Loss, Reply
-from channel.access.timing import BitRate
+from channel.access.timing import BitRate, wifi_g
 from channel.access.world import AirFrame, Arrival, PlainWorld
 from channel.draws import Draws
 from channel.routing.mesh.mesh import Mesh, MeshNumbers
@@ -104,6 +105,18 @@ def test_messages_come_each_second_and_every_neighbour_hands_them_on() -> None:
     assert counts.notices == pytest.approx(4 * 60, abs=4)
     assert counts.notice_bytes == 24 * counts.notices
     assert counts.notice_air_ns == 19_200 * counts.notices
+
+
+def test_messages_are_ethernet_frames_without_headers_of_ip_and_packets_have_them() -> None:
+    """802.11g, 6 Mb/s, UDP in IP: 24 + 36 bytes are 21 symbols, 100 + 24 + 28 + 36 are 64; 20 us before, 6 after."""
+    network = Routed(Csma(PlainWorld(range(2)), wifi_g(), settings=DcfSettings(header_bytes=28)), mesh(2))
+    network.live(second(10.0))
+    counts = network.counts
+    assert counts.notices > 30
+    assert counts.notice_air_ns == (20 + 4 * 21 + 6) * 1000 * counts.notices
+    network.offer(AirPacket(0, 0, 1, 100, second(10.0) + 1))
+    [fate] = [each for each in network.live(second(11.0)) if isinstance(each, AirFate)]
+    assert (fate.loss, fate.ended_ns - fate.started_ns) == (None, (20 + 4 * 64 + 6) * 1000)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

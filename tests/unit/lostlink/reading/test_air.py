@@ -174,6 +174,8 @@ def test_what_a_node_receives_is_payload() -> None:
         (IDEAL, 92, 8 * 100 / 64e3),
         ("moon2020", 400, 8 * 400 / MOON_BPS),  # all packets count as 40 bytes, but longer ones are longer
         (AIRTIME, 92, 0.002 + 8 * 104 / 64e3),
+        # DIFS, back-off, 20 us, 132 symbols of 4 us for 328 + 36 + 28 bytes, 6 us
+        ("wifi-2.4", 328, 28e-6 + 7.5 * 9e-6 + 554e-6),
         (TDMA, 92, 0.1 / 7),  # 90 ms of a slot have room for 7 frames of 11.5 ms
         (TDMA, 721, 0.0),  # 90.125 ms: for none
         (DELAY, 92, 8 * 92 / 1000),
