@@ -72,6 +72,29 @@ def test_mistakes_in_a_file_name_file_and_line(tmp_path):
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), 4, "shadowing.sigma_db")
 
 
+def test_all_mistakes_are_told_at_once_each_in_the_file_that_has_it(tmp_path):
+    (tmp_path / "base.yaml").write_text("preset: moon2020\nbase_loss: 3\n")
+    file = tmp_path / "mine.yaml"
+    file.write_text("preset: base.yaml\nbandwidth_hz: -1\npropagation: {exponnet: 3}\n")
+    over = {"preset": str(file), "noise": {"model": "thermal", "nois": 3}, "cable_loss_db": -1}
+    with pytest.raises(PresetError) as caught:
+        presets.radio_from_mapping(over)
+    assert {(each.file, each.line, each.key) for each in caught.value.mistakes} == {
+        (str(file), 2, "bandwidth_hz"),
+        (str(file), 3, "propagation.exponnet"),
+        (str(tmp_path / "base.yaml"), 2, "base_loss"),
+        (None, None, "noise.nois"),
+        (None, None, "cable_loss_db"),
+    }
+    assert len(str(caught.value).splitlines()) == 5
+
+
+def test_a_misspelt_key_is_not_missing_as_well():
+    with pytest.raises(PresetError, match="did you mean frequency_hz") as caught:
+        presets.radio_from_mapping({"frequenzy_hz": 1e9, "transmit_power_dbm": 20})
+    assert len(caught.value.mistakes) == 1
+
+
 def test_text_that_is_not_yaml(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("a: [1\nb: }\n")

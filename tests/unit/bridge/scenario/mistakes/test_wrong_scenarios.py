@@ -193,6 +193,20 @@ def test_all_mistakes_are_told_at_once() -> None:
     assert sorted(keys) == ["nodes.0.agent.altitude_m", "nodes.1.home.north_m", "sead"]
 
 
+def test_all_mistakes_of_a_radio_are_told_at_once_each_where_it_was_written(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("preset: moon2020\nbandwidth_hz: -1\nnoise: {floor: 3}\n")
+    radio = "radio:\n  preset: mine.yaml\n  offset: 3\n  base_loss: 2"
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(RIGHT.replace("radio: moon2020", radio), "here.yaml", tmp_path)
+    told = [line.split(": ")[:2] for line in str(caught.value).splitlines()]
+    assert sorted(told) == [
+        [f"{tmp_path}/mine.yaml:2", "bandwidth_hz"],
+        [f"{tmp_path}/mine.yaml:3", "noise.floor"],
+        ["here.yaml:10", "radio.base_loss"],
+        ["here.yaml:9", "radio.offset"],
+    ]
+
+
 @pytest.mark.parametrize("key", ["nodes.4.home.north_m", "nodes.5.agent.altitude_m", "nodes.5.radio"])
 def test_a_mistake_in_a_node_is_told_with_the_key_that_sets_it(key: str) -> None:
     text = (
