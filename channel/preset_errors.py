@@ -12,6 +12,18 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 Tree = dict[str, Any]
+WORDS = {
+    "float_parsing": "has to be a number",
+    "float_type": "has to be a number",
+    "int_parsing": "has to be a whole number",
+    "int_type": "has to be a whole number",
+    "int_from_float": "has to be a whole number",
+    "string_type": "has to be text",
+    "tuple_type": "has to be a list",
+    "bool_type": "has to be true or false",
+    "bool_parsing": "has to be true or false",
+}
+"""What pydantic's kinds of mistakes say, in ours."""
 
 
 class PresetError(ValueError):
@@ -100,7 +112,7 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
         return f"has to have at least {error['ctx']['min_length']}, and has {error['ctx']['actual_length']}"
     if error["type"] in {"value_error", "own_model"}:
         return str(error["msg"]).removeprefix("Value error, ")
-    wanted = {"float_parsing": "has to be a number", "float_type": "has to be a number"}.get(error["type"])
+    wanted = WORDS.get(error["type"])
     return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
 
 

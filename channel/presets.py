@@ -146,11 +146,11 @@ def overrides_from_settings(settings: Iterable[str]) -> Tree:
 
 
 def dotted_keys(tree: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Return the dotted names of all leaves of nested mappings."""
+    """Return the dotted names of all leaves of nested mappings, empty groups among them."""
     out: list[str] = []
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) else [name]
+        out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) and value else [name]
     return out
 
 
@@ -275,8 +275,8 @@ def _placed(key: str, problem: str, files: list[Path], overridden: tuple[str, ..
 
 
 def _covers(given: str, key: str) -> bool:
-    """Return whether a key that was given is a key, or lies below it."""
-    return given == key or given.startswith(f"{key}.")
+    """Return whether a key that was given is a key, or has it as a part, or is a part of it."""
+    return given == key or given.startswith(f"{key}.") or key.startswith(f"{given}.")
 
 
 def _extended_by(file: Path) -> list[Path]:

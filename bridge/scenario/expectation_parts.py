@@ -7,10 +7,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from bridge.scenario.parts import A_NUMBER, Part
+from bridge.scenario.parts import Part
 
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False), A_NUMBER]
-Share = Annotated[float, Field(ge=0, le=1), A_NUMBER]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def _rising(interval: tuple[float, float]) -> tuple[float, float]:

@@ -28,7 +28,6 @@ from bridge.scenario.nodes import (
     Transceiver,
 )
 from bridge.scenario.parts import (
-    A_NUMBER,
     Parameters,
     Part,
     Positive,
@@ -118,7 +117,7 @@ class Scenario(Part):
     autopilot: AutopilotName = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
     duration_s: Positive
-    take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False), A_NUMBER] = 0.0
+    take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     lookahead_ticks: Literal[0, 1] = 0
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, fie
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
 from bridge.scenario.modems import GroundModem, UaModem
-from bridge.scenario.parts import A_NUMBER, Finite, Metres, Parameters, Part, RadioSetting, Slug
+from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
 from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
@@ -39,8 +39,8 @@ class HomePlace(Part):
 class RadioOutage(Part):
     """The radio is off from an instant of sim time on, until another one; without that, to the end of the run."""
 
-    from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S), A_NUMBER]
-    to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S), A_NUMBER] = None
+    from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
+    to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S)] = None
 
     @property
     def from_ns(self) -> int:
@@ -141,7 +141,7 @@ class GroundPlace(Part):
 class TrackPoint(GroundPlace):
     """Where a ground node is at an instant of sim time."""
 
-    sim_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False), A_NUMBER]
+    sim_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class GroundNode(Part):

@@ -54,7 +54,7 @@ def explained(
         model: what that part was to be.
         below: where in the scenario the part is.
     """
-    told: set[tuple[str, str]] = set()
+    told: set[tuple[str, Path_, str]] = set()
     items = [(item, spot_of(model, item["loc"])) for item in error.errors(include_url=False)]
     misspelt = {
         (*spot.path[:-1], meant(str(spot.path[-1]), allowed_keys(spot.parents)))
@@ -68,8 +68,9 @@ def explained(
             continue  # it is there, under another name
         spot = spot._replace(path=(*below, *spot.path))
         place, text = str(_place(root, spot.path, item["type"])), _problem(item, spot)
-        if (place, text) not in told:  # nodes of a group share their lines
-            told.add((place, text))
+        key = spot.path[2:] if spot.path[:1] == ("nodes",) else spot.path
+        if (place, key, text) not in told:  # nodes of a group share their lines
+            told.add((place, key, text))
             yield f"{place}: {root.dotted(spot.path)}: {text}"
 
 

@@ -54,6 +54,14 @@ def test_another_model_in_a_group_keeps_nothing_of_the_old():
             "medium",
             "model is missing: has to be one of ideal",
         ),
+        ({"preset": "moon2020", "offset_db": True}, "offset_db", "has to be a number, not true"),
+        ({"preset": "moon2020", "mtu_bytes": False}, "mtu_bytes", "has to be a whole number, not false"),
+        ({"preset": "moon2020", "noise": {"floor_dbm": True}}, "noise.floor_dbm", "a number, not true"),
+        (
+            {"preset": "moon2020", "interference": {"rejection": [[True, 3]]}},
+            "interference.rejection.0.0",
+            "a number, not true",
+        ),
         ({"preset": "moon2020", "fading": {}}, "fading", "model is missing: has to be one of none, rayleigh"),
     ],
 )
@@ -87,6 +95,11 @@ def test_all_mistakes_are_told_at_once_each_in_the_file_that_has_it(tmp_path):
         (None, None, "cable_loss_db"),
     }
     assert len(str(caught.value).splitlines()) == 5
+
+
+def test_what_may_be_true_still_may():
+    sik = presets.radio_from_mapping({"preset": "sik-433", "medium": {"ecc": True}})
+    assert sik.medium.ecc is True
 
 
 def test_a_misspelt_key_is_not_missing_as_well():

@@ -121,6 +121,10 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("duration_s: 600 ", "duration_s: true ", "duration_s", "has to be a number (got true)"),
         ("north_m: 5", "north_m: yes", "nodes.1.home.north_m", "has to be a number (got true)"),
         ("seed: 1", "take_off_at_s: off", "take_off_at_s", "has to be a number (got false)"),
+        ("seed: 1", "lookahead_ticks: true", "lookahead_ticks", "has to be 0 or 1 (got true)"),
+        ("seed: 1", "weather: {qnh_hpa: true}", "weather.qnh_hpa", "has to be a number (got true)"),
+        ("seed: 1", "wind: {constant: {speed_mps: true}}", "wind.constant.speed_mps", "a number (got true)"),
+        ("seed: 1", "fdm: {px4: {gps_vertical_sigma_m: true}}", "fdm.px4.gps_vertical_sigma_m", "(got true)"),
         ("seed: 1", "seed: true", "seed", "has to be a whole number (got true)"),
     ],
 )
