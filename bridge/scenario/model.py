@@ -30,7 +30,6 @@ from bridge.scenario.nodes import (
 from bridge.scenario.parts import (
     Parameters,
     Part,
-    Positive,
     RadioSetting,
     Slug,
     WindSetting,
@@ -53,6 +52,8 @@ MAVSDK_SLOTS, MAVSDK_STEP = 10, 60
 """So many UA have the ports that PX4 gives MAVSDK; those of the others lie higher by this."""
 PX4_OUTPUTS = "PWM_MAIN_FUNC"
 """With a number, PX4's parameters that say what an output is."""
+DURATION_MAX_S = 4e6
+"""MAVLink counts milliseconds since boot in 32 bits, which are full after 49.7 days."""
 SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
 A_SPEED: dict[str, Any] = {
     "anyOf": [{"enum": [MAX]}, {"type": "number", "minimum": SPEED_MIN, "maximum": SPEED_MAX}]
@@ -79,12 +80,13 @@ class Scenario(Part):
 
     Attributes:
         schema_version: of the file's format.
-        name: part of the run directory's name.
+        name: part of the run directory's name, so that it is bounded.
         description: for people.
         seed: of all random draws: channel, wind, sensor noise, agents, random places.
         autopilot: who flies: the stand-in that ships, real ArduPilot or PX4, or one that you start; UA may differ.
         speed: real-time factor, or max.
-        duration_s: longest sim time; the run ends earlier when all tasks are done.
+        duration_s: longest sim time; the run ends earlier when all tasks are done. MAVLink counts milliseconds since
+            boot in 32 bits, which are full after 49.7 days: hence the bound.
         take_off_at_s: sim time before which agents do not take off, so that what else has a time meets the same part of
             the flight whoever flies.
         tick_rate_hz: ticks per second of sim time: radio and agents.
@@ -116,7 +118,7 @@ class Scenario(Part):
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     autopilot: AutopilotName = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
-    duration_s: Positive
+    duration_s: Annotated[float, Field(gt=0.0, le=DURATION_MAX_S)]
     take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     lookahead_ticks: Literal[0, 1] = 0

@@ -141,14 +141,14 @@ class GroundPlace(Part):
 class TrackPoint(GroundPlace):
     """Where a ground node is at an instant of sim time."""
 
-    sim_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    sim_time_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
 
 
 class GroundNode(Part):
     """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
-    id: Annotated[Slug, Field(max_length=64), WithJsonSchema({"type": ["string", "integer"]})]
+    id: Annotated[Slug, WithJsonSchema({"type": ["string", "integer"]})]
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
@@ -189,7 +189,7 @@ class EmitterNode(Emission):
     """A station that radiates and exchanges no packets; it stands or moves as a ground node does, and has no agent."""
 
     kind: Literal["emitter"]
-    id: Annotated[Slug, Field(max_length=64)]
+    id: Slug
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     antenna: dict[str, Any] = Field(default_factory=lambda: {"model": "isotropic"})

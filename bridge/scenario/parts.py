@@ -30,7 +30,8 @@ def _placed_name(text: str) -> str:
 
 PlacedName = Annotated[str, Field(pattern=_PLACED_NAME), AfterValidator(_placed_name)]
 """A class or function, by its file or module and its name there."""
-Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+"""A name; names become parts of names of files, which systems bound."""
 
 
 def _radio(value: object) -> object:

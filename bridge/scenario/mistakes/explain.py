@@ -96,6 +96,8 @@ def _problem(item: Any, spot: ErrorSpot) -> str:
     if kind == "string_pattern_mismatch":
         pattern = item["ctx"]["pattern"]
         return f"has to be {WORDS.get(pattern, f'text like {pattern}')} (got {_shown(value)})"
+    if kind == "string_too_long":
+        return f"has to have at most {item['ctx']['max_length']} characters (got {_shown(value)})"
     if kind == "literal_error":
         words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
         return f"{_sentence(item['msg'])} (got {_shown(value)}){near_miss(value, words)}"
