@@ -75,15 +75,22 @@ def mistakes_in(
         (key, problem_of(item, key, tree, model))
         for key, item in items
         if not (item["type"] == "missing" and key in misspelt)  # it is there, under another name
+        and not (
+            item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
+        )  # but wrong ones
     ]
 
 
 def key_of(location: tuple[int | str, ...], tree: object) -> str:
     """Return the dotted key of a validation error, without the model names that pydantic puts between."""
     parts: list[str] = []
+    tagged: object = None
     for part in location:
         inside = isinstance(tree, Mapping) and part in tree
-        if isinstance(tree, Mapping) and not inside and part == tree.get("model"):
+        if part == "[key]" and not inside:
+            continue
+        if isinstance(tree, Mapping) and not inside and tree is not tagged and part == tree.get("model"):
+            tagged = tree  # a key of that name may come next
             continue
         parts.append(str(part))
         if isinstance(tree, Mapping):
@@ -110,7 +117,9 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
         return _no_mapping(error["input"], key, model)
     if error["type"] == "too_short":
         return f"has to have at least {error['ctx']['min_length']}, and has {error['ctx']['actual_length']}"
-    if error["type"] in {"value_error", "own_model"}:
+    if error["type"] == "too_long":
+        return f"has to have at most {error['ctx']['max_length']}, and has {error['ctx']['actual_length']}"
+    if error["type"] in {"value_error", "own_model", "refused"}:
         return str(error["msg"]).removeprefix("Value error, ")
     wanted = WORDS.get(error["type"])
     return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
@@ -144,7 +153,7 @@ def _models_at(groups: Sequence[str], tree: Tree, model: type[BaseModel]) -> lis
         ]
         here = here.get(group) if isinstance(here, Mapping) else None
         chosen = here.get("model") if isinstance(here, Mapping) else None
-        models = [m for m in inner if chosen in (None, getattr(_tag_of(m), "default", None))]
+        models = [m for m in inner if chosen is None or (tag := _tag_of(m)) is None or tag.default == chosen]
     return models
 
 

@@ -258,14 +258,21 @@ def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> Ra
     except ValidationError as error:
         files = [] if file is None else _extended_by(file)
         found = mistakes_in(error, tree, RadioConfig)
-    raise at_once([_placed(key, problem, files, overridden) for key, problem in found])
+    there = dotted_keys(tree)
+    placed = [
+        _placed(key, problem, files, overridden, is_there=any(_covers(each, key) for each in there))
+        for key, problem in found
+    ]
+    raise at_once(placed)
 
 
-def _placed(key: str, problem: str, files: list[Path], overridden: tuple[str, ...]) -> PresetError:
+def _placed(
+    key: str, problem: str, files: list[Path], overridden: tuple[str, ...], *, is_there: bool
+) -> PresetError:
     """Return a mistake with the file, of those that extend each other, in which it was written."""
     if not files or any(_covers(each, key) for each in overridden):
         return PresetError(problem, key=key)
-    file = next((each for each in files if key and has_key(each, key)), None)
+    file = next((each for each in files if is_there and has_key(each, key)), None)
     if file is None:
         group = key.rpartition(".")[0]
         if overridden and (not key or (group and any(_covers(each, group) for each in overridden))):

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, get_args
 
-from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 
 class Settings(BaseModel):
@@ -25,6 +26,17 @@ class Variant(Settings):
 
     _own_key: tuple[str, str] | None = PrivateAttr(default=None)
     """Of a user's model: `model` or `class`, and its value; see `own`."""
+
+
+def refused(text: str, *key: str | int) -> ValidationError:
+    """What a validator of a whole raises for a mistake at a key of it, which would be told of the whole otherwise.
+
+    Args:
+        text: what would be right.
+        key: keys and indices from there.
+    """
+    kind = PydanticCustomError("refused", "{text}", {"text": text})
+    return ValidationError.from_exception_data("settings", [InitErrorDetails(type=kind, loc=key, input={})])
 
 
 class Truth:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, get_args
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 
 class Settings(BaseModel):
@@ -18,6 +19,17 @@ class Settings(BaseModel):
     @classmethod
     def _numbers_are_no_truths(cls, content: Any) -> Any:
         return without_truths(cls, content)
+
+
+def refused(text: str, *key: str | int) -> ValidationError:
+    """What a validator of a whole raises for a mistake at a key of it, which would be told of the whole otherwise.
+
+    Args:
+        text: what would be right.
+        key: keys and indices from there.
+    """
+    kind = PydanticCustomError("refused", "{text}", {"text": text})
+    return ValidationError.from_exception_data("settings", [InitErrorDetails(type=kind, loc=key, input={})])
 
 
 class Truth:

@@ -21,7 +21,7 @@ from fdm.config_file import read_model, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
-from fdm.settings import Settings
+from fdm.settings import Settings, refused
 
 WINDS_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "wind"
 KNOT_MPS = 1852.0 / 3600.0
@@ -70,7 +70,8 @@ class GustConfig(Settings):
     @model_validator(mode="after")
     def _over_before_it_comes_again(self) -> Self:
         if self.every_s is not None and self.every_s < self.rise_s + self.hold_s + self.fall_s:
-            raise ValueError(f"every_s {self.every_s}: shorter than the gust itself")
+            lasts_s = self.rise_s + self.hold_s + self.fall_s
+            raise refused(f"{self.every_s:g} is shorter than the gust itself, {lasts_s:g} s", "every_s")
         return self
 
 

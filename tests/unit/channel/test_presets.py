@@ -102,6 +102,36 @@ def test_what_may_be_true_still_may():
     assert sik.medium.ecc is True
 
 
+def test_what_a_group_that_is_replaced_lacks_is_no_mistake_of_the_preset():
+    with pytest.raises(PresetError, match="is missing: only uma-av and rma-av") as caught:
+        presets.radio_from_mapping({"preset": "moon2020", "shadowing": {"model": "normal"}})
+    assert (caught.value.file, caught.value.key) == (None, "shadowing.sigma_db")
+
+
+@pytest.mark.parametrize(
+    ("group", "told"),
+    [
+        ({"antenna": {"model": "pattern"}}, "antenna.pattern: is missing"),
+        (
+            {"interference": {"rejection": [[1, 2, 3]]}},
+            "interference.rejection.0: has to have at most 2, and has 3",
+        ),
+        ({"polarisation": {"model": "x"}}, "polarisation.model: unknown key; allowed: cross_polar_db"),
+        ({"routing": {"model": "flood"}}, "routing: flood: each hop takes time on the air"),
+        (
+            {"medium": {"model": "tdma", "schedule": {"slots": [{"nodes": 0}]}}},
+            "medium.schedule.slots.0.duration_s: is missing",
+        ),
+        ({"medium": {"model": "sik", "units": {"a": [0, 1]}}}, "medium.units.a: has to be a whole number"),
+    ],
+)
+def test_no_mistake_has_words_of_the_validation_in_it(group, told):
+    with pytest.raises(PresetError) as caught:
+        presets.radio_from_mapping({"preset": "moon2020"} | group)
+    assert str(caught.value).startswith(told)
+    assert len(caught.value.mistakes) == 1
+
+
 def test_a_misspelt_key_is_not_missing_as_well():
     with pytest.raises(PresetError, match="did you mean frequency_hz") as caught:
         presets.radio_from_mapping({"frequenzy_hz": 1e9, "transmit_power_dbm": 20})
