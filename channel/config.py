@@ -33,7 +33,7 @@ from channel.propagation.terrain import Terrain
 from channel.propagation.trial import try_law
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
-from channel.variant import Settings, Variant
+from channel.variant import Settings, Variant, refused
 
 SHADOWING_METHODS = (
     "is_random",
@@ -182,9 +182,8 @@ class RadioConfig(Settings):
     def _has_a_sigma(self) -> Self:
         has_its_own = getattr(self.propagation, "has_sigmas", False)
         if self.shadowing.in_sight(True) is None and not has_its_own:
-            raise ValueError(
-                "shadowing.sigma_db is missing: only uma-av and rma-av with a drawn line of sight have their own"
-            )
+            text = "is missing: only uma-av and rma-av with a drawn line of sight have their own"
+            raise refused(text, "shadowing", "sigma_db")
         return self
 
     @model_validator(mode="after")
@@ -193,13 +192,14 @@ class RadioConfig(Settings):
             return self
         routing, medium = name_of(self.routing), name_of(self.medium)
         if isinstance(self.medium, Ideal):
-            raise ValueError(
-                f"routing: {routing}: each hop takes time on the air, and with medium: {medium} nothing does: "
-                "take airtime, csma, tdma or delay"
+            raise refused(
+                f"{routing}: each hop takes time on the air, and with medium: {medium} nothing does: "
+                "take airtime, csma, tdma or delay",
+                "routing",
             )
         if isinstance(self.medium, SikMedium | ElrsMedium):
-            raise ValueError(
-                f"routing: {routing}: with medium: {medium} a radio has one peer, and cannot hand on"
+            raise refused(
+                f"{routing}: with medium: {medium} a radio has one peer, and cannot hand on", "routing"
             )
         return self
 

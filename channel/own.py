@@ -18,8 +18,9 @@ from types import ModuleType
 from typing import Any
 
 from pydantic import ValidationError, WrapSerializer, WrapValidator
-from pydantic_core import PydanticCustomError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
 
 CLASS_KEY = "class"
@@ -49,7 +50,7 @@ def own_models(
         try:
             model = found.model_validate(parameters)
         except ValidationError as error:
-            raise _first_of(error) from error
+            raise _in_our_words(error, parameters, found) from None
         if trial is not None:
             try:
                 trial(model)
@@ -137,7 +138,14 @@ def _installed(module: str) -> ModuleType:
         raise
 
 
-def _first_of(error: ValidationError) -> PydanticCustomError:
-    first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
-    return PydanticCustomError("own_model", "{key}: {message}", {"key": key, "message": first["msg"]})
+def _in_our_words(error: ValidationError, parameters: Tree, found: type[Variant]) -> ValidationError:
+    """Return what is wrong with a user's model, by key, so that it needs no knowledge of that model to be told."""
+    told = [
+        InitErrorDetails(
+            type=PydanticCustomError("own_model", "{message}", {"message": message}),
+            loc=tuple(key.split(".")) if key else (),
+            input=parameters,
+        )
+        for key, message in mistakes_in(error, parameters, found)
+    ]
+    return ValidationError.from_exception_data(found.__name__, told)

@@ -8,32 +8,89 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 Tree = dict[str, Any]
+WORDS = {
+    "float_parsing": "has to be a number",
+    "float_type": "has to be a number",
+    "int_parsing": "has to be a whole number",
+    "int_type": "has to be a whole number",
+    "int_from_float": "has to be a whole number",
+    "string_type": "has to be text",
+    "tuple_type": "has to be a list",
+    "bool_type": "has to be true or false",
+    "bool_parsing": "has to be true or false",
+}
+"""What pydantic's kinds of mistakes say, in ours."""
 
 
 class PresetError(ValueError):
-    """A radio that cannot be: `key` is the dotted place, `file` and `line` where it was written if known."""
+    """A radio that cannot be: `key` is the dotted place, `file` and `line` where it was written if known.
+
+    `mistakes` has this one and what else was found at once; the text has a line for each, `line_told` only this one's.
+    """
 
     def __init__(
-        self, problem: str, *, key: str = "", file: str | None = None, line: int | None = None
+        self,
+        problem: str,
+        *,
+        key: str = "",
+        file: str | None = None,
+        line: int | None = None,
+        others: Sequence[PresetError] = (),
     ) -> None:
         place = ":".join(str(part) for part in (file, line) if part is not None)
-        super().__init__(": ".join(part for part in (place, key, problem) if part))
+        self.line_told = ": ".join(part for part in (place, key, problem) if part)
+        super().__init__("\n".join([self.line_told, *map(str, others)]))
         self.problem = problem
         self.key = key
         self.file = file
         self.line = line
+        self.mistakes: tuple[PresetError, ...] = (self, *others)
+
+
+def at_once(mistakes: Sequence[PresetError]) -> PresetError:
+    """Return one error of several."""
+    first, *others = mistakes
+    return PresetError(first.problem, key=first.key, file=first.file, line=first.line, others=others)
+
+
+def mistakes_in(
+    error: ValidationError, tree: Tree, model: type[BaseModel], below: tuple[str, ...] = ()
+) -> list[tuple[str, str]]:
+    """Return the key and problem of each mistake in a tree that was read as a model.
+
+    Args:
+        error: what was found wrong with it.
+        tree: keys and values.
+        model: what it was read as.
+        below: the keys that lead to the part of it that was read.
+    """
+    items = [(key_of((*below, *item["loc"]), tree), item) for item in error.errors(include_url=False)]
+    unknown = {key for key, item in items if item["type"] == "extra_forbidden"}
+    misspelt = {_meant(key, tree, model) for key in unknown}
+    return [
+        (key, problem_of(item, key, tree, model))
+        for key, item in items
+        if not (item["type"] == "missing" and key in misspelt)  # it is there, under another name
+        and not (
+            item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
+        )  # but wrong ones
+    ]
 
 
 def key_of(location: tuple[int | str, ...], tree: object) -> str:
     """Return the dotted key of a validation error, without the model names that pydantic puts between."""
     parts: list[str] = []
+    tagged: object = None
     for part in location:
         inside = isinstance(tree, Mapping) and part in tree
-        if isinstance(tree, Mapping) and not inside and part == tree.get("model"):
+        if part == "[key]" and not inside:
+            continue
+        if isinstance(tree, Mapping) and not inside and tree is not tagged and part == tree.get("model"):
+            tagged = tree  # a key of that name may come next
             continue
         parts.append(str(part))
         if isinstance(tree, Mapping):
@@ -60,9 +117,11 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
         return _no_mapping(error["input"], key, model)
     if error["type"] == "too_short":
         return f"has to have at least {error['ctx']['min_length']}, and has {error['ctx']['actual_length']}"
-    if error["type"] == "value_error":
+    if error["type"] == "too_long":
+        return f"has to have at most {error['ctx']['max_length']}, and has {error['ctx']['actual_length']}"
+    if error["type"] in {"value_error", "own_model", "refused"}:
         return str(error["msg"]).removeprefix("Value error, ")
-    wanted = {"float_parsing": "has to be a number", "float_type": "has to be a number"}.get(error["type"])
+    wanted = WORDS.get(error["type"])
     return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
 
 
@@ -94,21 +153,26 @@ def _models_at(groups: Sequence[str], tree: Tree, model: type[BaseModel]) -> lis
         ]
         here = here.get(group) if isinstance(here, Mapping) else None
         chosen = here.get("model") if isinstance(here, Mapping) else None
-        models = [m for m in inner if chosen in (None, getattr(_tag_of(m), "default", None))]
+        models = [m for m in inner if chosen is None or (tag := _tag_of(m)) is None or tag.default == chosen]
     return models
 
 
 def _unknown_key(key: str, tree: Tree, model: type[BaseModel]) -> str:
-    *groups, word = key.split(".")
-    models = _models_at(groups, tree, model)
-    names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
-    close = difflib.get_close_matches(word, names, n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
-    return (
-        f"unknown key{hint} Allowed: {', '.join(names)}"
-        if hint
-        else f"unknown key; allowed: {', '.join(names)}"
-    )
+    names, near = ", ".join(_names_beside(key, tree, model)), _meant(key, tree, model).rpartition(".")[2]
+    return f"unknown key; did you mean {near}? Allowed: {names}" if near else f"unknown key; allowed: {names}"
+
+
+def _meant(key: str, tree: Tree, model: type[BaseModel]) -> str:
+    """The key that an unknown one is near to; empty: none."""
+    group, dot, word = key.rpartition(".")
+    close = difflib.get_close_matches(word, _names_beside(key, tree, model), n=1)
+    return f"{group}{dot}{close[0]}" if close else ""
+
+
+def _names_beside(key: str, tree: Tree, model: type[BaseModel]) -> list[str]:
+    """The keys that are allowed where a key stands."""
+    models = _models_at(key.split(".")[:-1], tree, model)
+    return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
 
 
 def _models_in(annotation: object) -> list[type[BaseModel]]:
@@ -119,16 +183,28 @@ def _models_in(annotation: object) -> list[type[BaseModel]]:
 
 def line_of(file: Path, key: str) -> int | None:
     """Return the line on which the deepest part of a dotted key stands in a YAML file."""
+    lines = _lines_of(file, key)
+    return lines[-1] if lines else None
+
+
+def has_key(file: Path, key: str) -> bool:
+    """Return whether a dotted key stands in a YAML file."""
+    return len(_lines_of(file, key)) == len(key.split("."))
+
+
+def _lines_of(file: Path, key: str) -> list[int]:
+    """The lines of a dotted key's parts, as far as they stand in a YAML file."""
     node = yaml.compose(file.read_text(encoding="utf-8"))
-    line: int | None = None
+    lines: list[int] = []
     for part in key.split("."):
         if isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
             node = node.value[int(part)]
-            line = node.start_mark.line + 1
+            lines.append(node.start_mark.line + 1)
             continue
         pairs = node.value if isinstance(node, yaml.MappingNode) else []
         found = next((pair for pair in pairs if pair[0].value == part), None)
         if found is None:
-            return line
-        line, node = found[0].start_mark.line + 1, found[1]
-    return line
+            break
+        node = found[1]
+        lines.append(found[0].start_mark.line + 1)
+    return lines

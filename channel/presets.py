@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from channel.config import RadioConfig
 from channel.own import CLASS_KEY, class_path
-from channel.preset_errors import PresetError, Tree, key_of, line_of, problem_of
+from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, mistakes_in, problem_of
 from channel.propagation.terrain import Terrain
 from channel.schedule_file import KEY as SCHEDULE_KEY
 from channel.schedule_file import read_schedule
@@ -63,7 +63,11 @@ def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:
     Raises:
         PresetError: an unknown preset, an unknown key or a bad value.
     """
-    return _validated(_resolved(_with_tables(mapping, Path()), Path(), ()), None, ())
+    tree = _with_tables(mapping, Path())
+    preset = tree.get("preset")
+    resolved = _resolved(tree, Path(), ())
+    file = None if preset is None else _preset_file(str(preset))
+    return _validated(resolved, file, tuple(dotted_keys(tree)))
 
 
 def seen_from(folder: Path, mapping: Mapping[str, Any]) -> Tree:
@@ -91,7 +95,7 @@ def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: f
         law = config.propagation.at_origin(lat_deg, lon_deg, alt_amsl_m)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise PresetError(problem_of(first, "propagation", {}, RadioConfig), key="propagation") from error
+        raise PresetError(problem_of(first, "propagation", {}, RadioConfig), key="propagation") from None
     return config.model_copy(update={"propagation": law})
 
 
@@ -142,11 +146,11 @@ def overrides_from_settings(settings: Iterable[str]) -> Tree:
 
 
 def dotted_keys(tree: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Return the dotted names of all leaves of nested mappings."""
+    """Return the dotted names of all leaves of nested mappings, empty groups among them."""
     out: list[str] = []
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) else [name]
+        out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) and value else [name]
     return out
 
 
@@ -248,12 +252,43 @@ def _resolved(tree: Tree, beside: Path, extending: tuple[Path, ...]) -> Tree:
 
 
 def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> RadioConfig:
+    """Return the radio of a tree that a file, if any, has but for the keys that were given over it."""
     try:
         return RadioConfig.model_validate(tree)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = key_of(first["loc"], tree)
-        problem = problem_of(first, key, tree, RadioConfig)
-        if file is None or any(each == key or each.startswith(f"{key}.") for each in overridden):
-            raise PresetError(problem, key=key) from error
-        raise PresetError(problem, key=key, file=str(file), line=line_of(file, key)) from error
+        files = [] if file is None else _extended_by(file)
+        found = mistakes_in(error, tree, RadioConfig)
+    there = dotted_keys(tree)
+    placed = [
+        _placed(key, problem, files, overridden, is_there=any(_covers(each, key) for each in there))
+        for key, problem in found
+    ]
+    raise at_once(placed)
+
+
+def _placed(
+    key: str, problem: str, files: list[Path], overridden: tuple[str, ...], *, is_there: bool
+) -> PresetError:
+    """Return a mistake with the file, of those that extend each other, in which it was written."""
+    if not files or any(_covers(each, key) for each in overridden):
+        return PresetError(problem, key=key)
+    file = next((each for each in files if is_there and has_key(each, key)), None)
+    if file is None:
+        group = key.rpartition(".")[0]
+        if overridden and (not key or (group and any(_covers(each, group) for each in overridden))):
+            return PresetError(problem, key=key)
+        file = files[0]
+    return PresetError(problem, key=key, file=str(file), line=line_of(file, key))
+
+
+def _covers(given: str, key: str) -> bool:
+    """Return whether a key that was given is a key, or has it as a part, or is a part of it."""
+    return given == key or given.startswith(f"{key}.") or key.startswith(f"{given}.")
+
+
+def _extended_by(file: Path) -> list[Path]:
+    """Return a preset's file and those that it extends, which have been read."""
+    files = [file]
+    while preset := yaml.safe_load(files[-1].read_text(encoding="utf-8")).get("preset"):
+        files.append(_preset_file(str(preset), files[-1].parent))
+    return files

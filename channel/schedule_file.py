@@ -10,7 +10,7 @@ import yaml
 from pydantic import ValidationError
 
 from channel.access.settings.slots import SlotSchedule
-from channel.preset_errors import PresetError, Tree, key_of, line_of, problem_of
+from channel.preset_errors import PresetError, Tree, at_once, line_of, mistakes_in
 
 KEY: Final = "schedule_file"
 OF_A_SLOT = re.compile(r"(slots\.\d+(?:\.\w+)?): (.*)", re.DOTALL)
@@ -31,14 +31,16 @@ def read_schedule(file: Path, named_by: str) -> Tree:
     try:
         SlotSchedule.model_validate(tree)
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
-        key = key_of(first["loc"], tree)
-        problem = problem_of(first, key, tree, SlotSchedule)
-        if found := OF_A_SLOT.fullmatch(problem):
-            key, problem = found.groups()
-        raise PresetError(problem, key=key, file=str(file), line=line_of(file, key)) from error
-    return tree
+        found = mistakes_in(error, tree, SlotSchedule)
+    else:
+        return tree
+    raise at_once([_in_file(file, key, problem) for key, problem in found])
+
+
+def _in_file(file: Path, key: str, problem: str) -> PresetError:
+    if of_a_slot := OF_A_SLOT.fullmatch(problem):
+        key, problem = of_a_slot.groups()
+    return PresetError(problem, key=key, file=str(file), line=line_of(file, key))
 
 
 def _tree(file: Path, named_by: str) -> Tree:

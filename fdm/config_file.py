@@ -3,27 +3,58 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args
 
 import yaml
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+M = TypeVar("M", bound=BaseModel)
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+WORDS = {
+    "float_type": "has to be a number",
+    "float_parsing": "has to be a number",
+    "int_type": "has to be a whole number",
+    "int_parsing": "has to be a whole number",
+    "int_from_float": "has to be a whole number",
+    "string_type": "has to be text",
+    "tuple_type": "has to be a list",
+    "dict_type": "has to be a mapping of keys to values",
+    "model_type": "has to be a mapping of keys to values",
+}
+"""What pydantic's kinds of mistakes say, in ours."""
 
 
-def read_yaml(text: str) -> Any:
+def read_model(path: Path, model: type[M], mistake: type[Exception]) -> M:
     """What a YAML file says.
 
-    Raises:
-        YAMLError: in the words of the slower loader, which has more of them.
+    Args:
+        path: the file.
+        model: what its keys and values are to be.
+        mistake: what is raised if they are not; the text has a line for each, with file, line and key.
     """
+    try:
+        text = path.read_text(encoding="utf-8")
+        return model.model_validate(_read_yaml(text))
+    except OSError as error:
+        raise mistake(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise mistake(f"{path}: is not UTF-8 text") from None
+    except (yaml.YAMLError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = "" if mark is None else f":{mark.line + 1}"
+        raise mistake(f"{path}{line}: is not YAML: {getattr(error, 'problem', None) or error}") from None
+    except ValidationError as error:
+        raise mistake("\n".join(_explained(path, text, error, model))) from None
+
+
+def _read_yaml(text: str) -> Any:
     try:
         return yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError:
-        return yaml.safe_load(text)
+        return yaml.safe_load(text)  # slower, and has more words for mistakes
 
 
 def unknown(what: str, name: object, known: Iterable[str]) -> str:
@@ -34,30 +65,55 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
     return f"{what} {str(name)!r}{hint} {', '.join(names)}; or give the path of a YAML file"
 
 
-def explain(path: Path, text: str, error: ValidationError, allowed: Iterable[str] = ()) -> str:
-    """What is wrong with the YAML `text` of `path`: one line per mistake, with file, line and key.
-
-    Args:
-        path: the file.
-        text: its content.
-        error: what its validation found.
-        allowed: keys of its top level, to be named for an unknown one.
-    """
-    allowed = tuple(allowed)
-    lines = []
+def _explained(path: Path, text: str, error: ValidationError, model: type[BaseModel]) -> Iterator[str]:
     for problem in error.errors():
-        location = problem["loc"]
+        location, kind = problem["loc"], problem["type"]
+        if kind == "too_short" and len(problem["input"]) >= problem["ctx"]["min_length"]:
+            continue  # there are enough, but wrong ones, which have lines of their own
+        if location[-1:] == ("int",):
+            continue  # of a whole number or any, which has its own line
+        if location[-1:] == ("float",):
+            location = location[:-1]
         key = ".".join(str(part) for part in location) or "(file)"
-        lines.append(
-            f"{path}:{line_of(text, location)}: {key}: {_message(problem, allowed if len(location) == 1 else ())}"
-        )
-    return "\n".join(lines)
+        yield f"{path}:{line_of(text, location)}: {key}: {_message(problem, model)}"
 
 
-def _message(problem: ErrorDetails, allowed: tuple[str, ...]) -> str:
-    if problem["type"] == "extra_forbidden":
-        return f"unknown key; allowed here: {', '.join(allowed)}" if allowed else "unknown key"
-    return f"{problem['msg'].removeprefix('Value error, ')} (got {problem['input']!r})"
+def _message(problem: ErrorDetails, model: type[BaseModel]) -> str:
+    kind, value = problem["type"], problem["input"]
+    if kind == "missing":
+        return "is missing"
+    if kind == "extra_forbidden":
+        *groups, word = problem["loc"]
+        allowed = [key for here in _models_at(model, groups) for key in here.model_fields]
+        close = difflib.get_close_matches(str(word), allowed, n=1)
+        hint = f"; did you mean {close[0]}? Allowed" if close else "; allowed"
+        return f"unknown key{hint} here: {', '.join(allowed)}"
+    said = WORDS.get(kind) or problem["msg"].removeprefix("Value error, ")
+    said = said.replace("Input should be", "has to be").replace("Tuple should have", "has to have")
+    return (
+        said.replace(" after validation", "") if isinstance(value, dict | list) else f"{said} (got {value!r})"
+    )
+
+
+def _models_at(model: type[BaseModel], groups: Iterable[int | str]) -> list[type[BaseModel]]:
+    """The models of the keys below some keys of a model."""
+    here = [model]
+    for group in groups:
+        if isinstance(group, str):
+            here = [
+                inner
+                for one in here
+                if group in one.model_fields
+                for inner in _models_in(one.model_fields[group].annotation)
+            ]
+    return here
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models_in(part)
 
 
 def line_of(text: str, location: tuple[int | str, ...]) -> int:

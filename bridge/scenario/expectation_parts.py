@@ -7,10 +7,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from bridge.scenario.parts import A_NUMBER, Part
+from bridge.scenario.parts import Part
+from fdm.settings import refused
 
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False), A_NUMBER]
-Share = Annotated[float, Field(ge=0, le=1), A_NUMBER]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def _rising(interval: tuple[float, float]) -> tuple[float, float]:
@@ -42,14 +43,19 @@ class ExpectationPart(Part):
     name: str = ""
 
 
-def check_bounds(at_least: float | None, at_most: float | None) -> None:
+def check_bounds(at_least: float | None, at_most: float | None, unit: str = "") -> None:
     """See that something lies between two bounds.
+
+    Args:
+        at_least: the lower bound; None: there is none.
+        at_most: the upper one.
+        unit: what the names of their keys end in.
 
     Raises:
         ValueError: nothing does.
     """
     if at_least is not None and at_most is not None and at_least > at_most:
-        raise ValueError(f"at least {at_least:g} and at most {at_most:g}: nothing is both")
+        raise refused(f"{at_most:g} is below at_least{unit}, {at_least:g}: nothing is both", f"at_most{unit}")
 
 
 def bounds(at_least: float | None, at_most: float | None, unit: str = "") -> str:

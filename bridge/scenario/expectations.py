@@ -168,7 +168,7 @@ class SeparationExpectation(ExpectationPart):
     def _has_a_bound(self) -> SeparationExpectation:
         if self.at_least_m is None and self.at_most_m is None:
             raise ValueError("give at_least_m, at_most_m or both")
-        check_bounds(self.at_least_m, self.at_most_m)
+        check_bounds(self.at_least_m, self.at_most_m, "_m")
         return self
 
     @property

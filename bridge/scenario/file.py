@@ -83,4 +83,4 @@ def _validated(root: Written) -> Scenario:
     try:
         return Scenario.model_validate(plain(root))
     except ValidationError as error:
-        raise ScenarioError("\n".join(explained(root, error, Scenario))) from error
+        raise ScenarioError("\n".join(explained(root, error, Scenario))) from None

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from bridge.scenario.parts import A_NUMBER, Part
+from bridge.scenario.parts import Part
 
 Topic = Literal[
     "clock",
@@ -54,9 +54,7 @@ class McapSettings(Part):
     compression: Literal["zstd", "lz4", "none"] = "zstd"
     payloads: bool = False
     mavlink: Literal["frames", "messages", "none"] = "frames"
-    rates_hz: dict[Topic, Annotated[float, Field(ge=0.0, allow_inf_nan=False), A_NUMBER]] = Field(
-        default_factory=dict
-    )
+    rates_hz: dict[Topic, Annotated[float, Field(ge=0.0, allow_inf_nan=False)]] = Field(default_factory=dict)
     sizes_bytes: dict[Topic, Annotated[int, Field(strict=True, ge=1)]] = Field(default_factory=dict)
 
     def rate_hz(self, kind: str) -> float | None:

@@ -28,10 +28,8 @@ from bridge.scenario.nodes import (
     Transceiver,
 )
 from bridge.scenario.parts import (
-    A_NUMBER,
     Parameters,
     Part,
-    Positive,
     RadioSetting,
     Slug,
     WindSetting,
@@ -40,6 +38,7 @@ from bridge.scenario.sections import AUTO, FlightDynamics, MavlinkSettings, Orig
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
 from fdm.exchange.aircraft_spec import px4_port
+from fdm.settings import refused
 from fdm.wire.legacy import legacy_ports
 
 SCHEMA = 1
@@ -48,12 +47,15 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 MAX = "max"
 RESERVED_ID = "all"
 """Of packets for every node (`bridge.bus.keys.ALL`); no node is called so."""
+OF_ALL = "the address of packets for every node"
 START_TIME_UNIX_S = 1_700_000_000
 """GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""
 MAVSDK_SLOTS, MAVSDK_STEP = 10, 60
 """So many UA have the ports that PX4 gives MAVSDK; those of the others lie higher by this."""
 PX4_OUTPUTS = "PWM_MAIN_FUNC"
 """With a number, PX4's parameters that say what an output is."""
+DURATION_MAX_S = 4e6
+"""MAVLink counts milliseconds since boot in 32 bits, which are full after 49.7 days."""
 SPEED_MIN, SPEED_MAX = 0.1, SPEED_RANGE[1]
 A_SPEED: dict[str, Any] = {
     "anyOf": [{"enum": [MAX]}, {"type": "number", "minimum": SPEED_MIN, "maximum": SPEED_MAX}]
@@ -80,12 +82,13 @@ class Scenario(Part):
 
     Attributes:
         schema_version: of the file's format.
-        name: part of the run directory's name.
+        name: part of the run directory's name, so that it is bounded.
         description: for people.
         seed: of all random draws: channel, wind, sensor noise, agents, random places.
         autopilot: who flies: the stand-in that ships, real ArduPilot or PX4, or one that you start; UA may differ.
         speed: real-time factor, or max.
-        duration_s: longest sim time; the run ends earlier when all tasks are done.
+        duration_s: longest sim time; the run ends earlier when all tasks are done. MAVLink counts milliseconds since
+            boot in 32 bits, which are full after 49.7 days: hence the bound.
         take_off_at_s: sim time before which agents do not take off, so that what else has a time meets the same part of
             the flight whoever flies.
         tick_rate_hz: ticks per second of sim time: radio and agents.
@@ -117,8 +120,8 @@ class Scenario(Part):
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     autopilot: AutopilotName = "standin"
     speed: Annotated[float | str, BeforeValidator(_speed), WithJsonSchema(A_SPEED)] = 1.0
-    duration_s: Positive
-    take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False), A_NUMBER] = 0.0
+    duration_s: Annotated[float, Field(gt=0.0, le=DURATION_MAX_S, allow_inf_nan=False)]
+    take_off_at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     tick_rate_hz: Annotated[int, Field(strict=True, ge=1, le=100)] = 20
     lookahead_ticks: Literal[0, 1] = 0
     mavlink_rate_hz: Annotated[int | None, Field(strict=True, ge=1, le=1000)] = None
@@ -176,9 +179,9 @@ class Scenario(Part):
     @classmethod
     def _scheme_is_spoken(cls, fdm: FlightDynamics, info: ValidationInfo) -> FlightDynamics:
         if fdm.scheme == "legacy" and info.data.get("autopilot", "external") != "external":
-            raise ValueError("scheme legacy is for autopilot: external; the others speak json only")
+            raise refused("legacy is for autopilot: external; the others speak json only", "scheme")
         if fdm.scheme == "legacy" and fdm.coupling == "parallel":
-            raise ValueError("coupling parallel needs scheme json: a legacy peer is served serially")
+            raise refused("parallel needs scheme json: a legacy peer is served serially", "coupling")
         return fdm
 
     @field_validator("nodes")
@@ -189,13 +192,12 @@ class Scenario(Part):
         if twice:
             raise ValueError(f"id {twice[0]} is used more than once")
         if RESERVED_ID in ids:
-            raise ValueError(f"id {RESERVED_ID}: that is the address of packets for every node")
-        for node in nodes:
-            for group in () if isinstance(node, EmitterNode) else node.groups:
+            raise refused(f"{RESERVED_ID} is {OF_ALL}: choose another", ids.index(RESERVED_ID), "id")
+        for index, node in enumerate(nodes):
+            for k, group in enumerate(() if isinstance(node, EmitterNode) else node.groups):
                 if group in (*ids, RESERVED_ID):
-                    text = "that is the address of packets for every node"
-                    text = text if group == RESERVED_ID else "a node has that id"
-                    raise ValueError(f"groups: node {node.node} is in {group}: {text}")
+                    what = OF_ALL if group == RESERVED_ID else "the id of a node"
+                    raise refused(f"{group} is {what}: a group needs a name of its own", index, "groups", k)
         if not any(isinstance(node, Aircraft) for node in nodes):
             raise ValueError("there has to be a UA: the flight dynamics keep the time")
         return nodes
@@ -204,62 +206,74 @@ class Scenario(Part):
     @classmethod
     def _names_are_free(cls, networks: dict[str, RadioSetting]) -> dict[str, RadioSetting]:
         if MAIN in networks:
-            raise ValueError(f"{MAIN}: that is the network of the key radio")
+            raise refused(f"{MAIN} is the network of the key radio: choose another name", MAIN)
         if RESERVED_ID in networks:
-            raise ValueError(f"{RESERVED_ID}: that is the address of packets for every node")
+            raise refused(f"{RESERVED_ID} is {OF_ALL}: choose another name", RESERVED_ID)
         return networks
 
     @model_validator(mode="after")
     def _networks_are_there(self) -> Self:
-        for node in self.transceivers:
-            for name in node.networks or ():
+        for index, node in enumerate(self.nodes):
+            for k, name in enumerate(() if isinstance(node, EmitterNode) else node.networks or ()):
                 if name not in self.network_names:
                     known = ", ".join(self.network_names)
-                    raise ValueError(f"networks: node {node.node} is on {name}; there are: {known}")
+                    raise refused(f"no network {name}; there are: {known}", "nodes", index, "networks", k)
         for name in self.networks:
             if len(self.nodes_on(name)) < min(2, len(self.transceivers)):
-                raise ValueError(f"networks: fewer than two nodes are on {name}: nobody would hear anybody")
+                raise refused("fewer than two nodes are on it: nobody would hear anybody", "networks", name)
         return self
 
     @model_validator(mode="after")
     def _modems_have_radios(self) -> Self:
-        for node in self.transceivers:
+        for index, node in enumerate(self.nodes):
+            if isinstance(node, EmitterNode):
+                continue
             for name in node.modems:
                 if name not in self.network_names or node not in self.nodes_on(name):
                     radios = ", ".join(each for each in self.network_names if node in self.nodes_on(each))
-                    raise ValueError(
-                        f"modems: node {node.node} has a modem at radio {name}; its radios are: {radios}"
+                    raise refused(
+                        f"node {node.node} has no radio {name}; it has: {radios}",
+                        "nodes",
+                        index,
+                        "modems",
+                        name,
                     )
             if node.modems and not node.is_regulated:
-                raise ValueError(
-                    f"modems: node {node.node} has no agent of ours: agent: {{type: still}} does"
-                )
-        if self.fdm.scheme == "legacy" and any(node.modems for node in self.ua):
-            raise ValueError("modems: a peer of fdm.scheme legacy has no second serial port here")
+                text = "needs an agent of ours at its node: agent: {type: still} does"
+                raise refused(text, "nodes", index, "modems")
+            if self.fdm.scheme == "legacy" and node.modems and isinstance(node, Aircraft):
+                text = "a peer of fdm.scheme legacy has no second serial port here"
+                raise refused(text, "nodes", index, "modems")
         return self
 
     @model_validator(mode="after")
     def _autopilots_fit(self) -> Self:
-        for ua in self.ua:
+        for index, ua in enumerate(self.nodes):
+            if not isinstance(ua, Aircraft):
+                continue
             kind = self.autopilot_of(ua)
             if self.fdm.scheme == "legacy" and kind != "external":
-                raise ValueError("fdm.scheme legacy is for autopilot: external; the others speak json only")
+                text = "legacy is for autopilot: external; the others speak json only"
+                raise refused(text, "fdm", "scheme")
             outputs = [name for name in self.parameters | ua.parameters if name.startswith(PX4_OUTPUTS)]
             if kind == "px4" and outputs:
-                raise ValueError(
-                    f"parameters: UA {ua.node} is flown by PX4: {outputs[0]} is the airframe's, in its section px4, as "
-                    "the flight dynamics read there which outputs are motors"
+                own = ("nodes", index) if outputs[0] in ua.parameters else ()
+                raise refused(
+                    f"UA {ua.node} is flown by PX4: this is the airframe's, in its section px4, as the flight dynamics "
+                    "read there which outputs are motors",
+                    *own,
+                    "parameters",
+                    outputs[0],
                 )
             if kind == "px4" and ua.modems:
-                raise ValueError(
-                    f"modems: UA {ua.node} is flown by PX4, which has no second serial port here"
-                )
+                text = f"UA {ua.node} is flown by PX4, which has no second serial port here"
+                raise refused(text, "nodes", index, "modems")
         return self
 
     @model_validator(mode="after")
     def _one_process_is_one(self) -> Self:
         if self.processes == "one" and self.asks_for_processes:
-            raise ValueError(f"processes: one, and {self.asks_for_processes}: choose one of them")
+            raise refused(f"one, and {self.asks_for_processes}: choose one of them", "processes")
         return self
 
     @property

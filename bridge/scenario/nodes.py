@@ -15,10 +15,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, fie
 
 from bridge.scenario.agents import AgentConfig, FreeAgent, GroundAgentConfig
 from bridge.scenario.modems import GroundModem, UaModem
-from bridge.scenario.parts import A_NUMBER, Finite, Metres, Parameters, Part, RadioSetting, Slug
+from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting, Slug
 from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
+from fdm.settings import refused
 
 AutopilotName = Literal["standin", "ardupilot", "px4", "external"]
 """Who flies a UA."""
@@ -39,8 +40,8 @@ class HomePlace(Part):
 class RadioOutage(Part):
     """The radio is off from an instant of sim time on, until another one; without that, to the end of the run."""
 
-    from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S), A_NUMBER]
-    to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S), A_NUMBER] = None
+    from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
+    to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S)] = None
 
     @property
     def from_ns(self) -> int:
@@ -55,12 +56,13 @@ class RadioOutage(Part):
 
 def _in_order(outages: tuple[RadioOutage, ...]) -> tuple[RadioOutage, ...]:
     """See that outages follow each other."""
-    for outage in outages:
+    for index, outage in enumerate(outages):
         if outage.to_s is not None and outage.to_s <= outage.from_s:
-            raise ValueError(f"to_s {outage.to_s:g}: has to be above from_s, {outage.from_s:g}")
-    for before, after in pairwise(outages):
+            raise refused(f"has to be above from_s, {outage.from_s:g} (got {outage.to_s:g})", index, "to_s")
+    for index, (before, after) in enumerate(pairwise(outages), start=1):
         if before.to_s is None or after.from_s < before.to_s:
-            raise ValueError(f"from_s {after.from_s:g}: has to be at or after to_s of the outage before it")
+            text = f"has to be at or after to_s of the outage before it (got {after.from_s:g})"
+            raise refused(text, index, "from_s")
     return outages
 
 
@@ -141,14 +143,14 @@ class GroundPlace(Part):
 class TrackPoint(GroundPlace):
     """Where a ground node is at an instant of sim time."""
 
-    sim_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False), A_NUMBER]
+    sim_time_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S, allow_inf_nan=False)]
 
 
 class GroundNode(Part):
     """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
-    id: Annotated[Slug, Field(max_length=64), WithJsonSchema({"type": ["string", "integer"]})]
+    id: Annotated[Slug, WithJsonSchema({"type": ["string", "integer"]})]
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
@@ -189,7 +191,7 @@ class EmitterNode(Emission):
     """A station that radiates and exchanges no packets; it stands or moves as a ground node does, and has no agent."""
 
     kind: Literal["emitter"]
-    id: Annotated[Slug, Field(max_length=64)]
+    id: Slug
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     antenna: dict[str, Any] = Field(default_factory=lambda: {"model": "isotropic"})
@@ -217,8 +219,12 @@ def _as_text(node_id: object) -> object:
 def _check_track(place: GroundPlace | None, track: tuple[TrackPoint, ...]) -> None:
     if track and place is not None:
         raise ValueError("place and track: give one of them")
-    if any(b.sim_time_s <= a.sim_time_s for a, b in pairwise(track)):
-        raise ValueError("track: sim_time_s has to rise from point to point")
+    for index, (before, after) in enumerate(pairwise(track), start=1):
+        if after.sim_time_s <= before.sim_time_s:
+            text = (
+                f"has to be above that of the point before, {before.sim_time_s:g} (got {after.sim_time_s:g})"
+            )
+            raise refused(text, "track", index, "sim_time_s")
 
 
 def _kind(value: Any) -> Any:

@@ -15,7 +15,7 @@ from bridge.scenario.expectation_parts import (
     check_bounds,
     when,
 )
-from bridge.scenario.parts import A_NUMBER, Finite, PlacedName
+from bridge.scenario.parts import Finite, PlacedName
 
 
 class _Measured(ExpectationPart):
@@ -55,7 +55,7 @@ class LoggedExpectation(_Measured):
     key: str | None = None
     node: NodeId | None = None
     between_s: Interval | None = None
-    for_: Annotated[float, Field(alias="for", gt=0, le=1), A_NUMBER] = 1.0
+    for_: Annotated[float, Field(alias="for", gt=0, le=1)] = 1.0
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> LoggedExpectation:

@@ -5,24 +5,16 @@ from __future__ import annotations
 from typing import Annotated, Any
 from unicodedata import normalize
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticKnownError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from fdm.settings import without_truths
 
-def _no_truth(value: object) -> object:
-    if isinstance(value, bool):
-        raise PydanticKnownError("float_type")
-    return value
-
-
-A_NUMBER = BeforeValidator(_no_truth)
-"""Stands last at each number that may have a fraction: true and false would count as 1 and 0."""
-Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False), A_NUMBER]
-Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False), A_NUMBER]
-Finite = Annotated[float, Field(allow_inf_nan=False), A_NUMBER]
-Metres = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False), A_NUMBER]
+Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
+Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 """A place in the fleet's frame, which is flat: a thousand kilometres are more than it is good for."""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False), A_NUMBER]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Port = Annotated[int, Field(strict=True, ge=0, le=65535)]
 Parameters = dict[Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]{0,15}$")], Finite]
 """Parameters of an autopilot; MAVLink gives their names 16 characters."""
@@ -38,7 +30,8 @@ def _placed_name(text: str) -> str:
 
 PlacedName = Annotated[str, Field(pattern=_PLACED_NAME), AfterValidator(_placed_name)]
 """A class or function, by its file or module and its name there."""
-Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+"""A name; names become parts of names of files, which systems bound."""
 
 
 def _radio(value: object) -> object:
@@ -64,6 +57,11 @@ WindSetting = Annotated[str | dict[str, Any], BeforeValidator(_wind)]
 
 
 class Part(BaseModel):
-    """Part of a scenario: unknown keys are refused, and nothing changes once it is read."""
+    """Part of a scenario: unknown keys are refused, so are truths for numbers, and nothing changes once it is read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers_are_no_truths(cls, content: Any) -> Any:
+        return without_truths(cls, content)

@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from bridge.scenario.parts import A_NUMBER, Finite, Latitude, Longitude, Part, Port, Positive, Slug
+from bridge.scenario.parts import Finite, Latitude, Longitude, Part, Port, Positive, Slug
 from bridge.timeouts import STALL_S
 from fdm.exchange.settings import Coupling, Placement, Workers
 from fdm.model.px4_sensors import Px4Sensors
 from fdm.model.sensor_noise import SensorNoise
 
 AUTO = "auto"
-UpToOneSecond = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False), A_NUMBER]
+UpToOneSecond = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 def _workers(value: object) -> object:

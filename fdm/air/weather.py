@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from fdm.errors import WeatherError
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
+from fdm.settings import Settings
 
 SEA_LEVEL_TEMPERATURE_K = 288.15
 SEA_LEVEL_PRESSURE_HPA = 1013.25
@@ -33,7 +34,7 @@ HOME_RANGE_M = (-2000.0, 11_000.0)
 """Heights of home, above mean sea level, at which the formulas hold."""
 
 
-class WeatherConfig(BaseModel):
+class WeatherConfig(Settings):
     """Temperature and pressure at home; without any of it the standard atmosphere.
 
     Attributes:
@@ -41,8 +42,6 @@ class WeatherConfig(BaseModel):
         ground_temperature_c: temperature at home instead, from which the offset follows.
         qnh_hpa: pressure at home, reduced to sea level in the standard atmosphere, as aerodromes report it.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     temperature_offset_k: Annotated[float, Field(ge=-OFFSET_MAX_K, le=OFFSET_MAX_K)] | None = None
     ground_temperature_c: Annotated[float, Field(ge=-80, le=60)] | None = None

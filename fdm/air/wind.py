@@ -13,25 +13,21 @@ from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from fdm.air.turbulence import DrydenTurbulence
 from fdm.air.wind_map import MapWind, load_wind_map
-from fdm.config_file import explain, read_yaml, unknown
+from fdm.config_file import read_model, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
+from fdm.settings import Settings, refused
 
 WINDS_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "wind"
 KNOT_MPS = 1852.0 / 3600.0
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ConstantConfig(_Strict):
+class ConstantConfig(Settings):
     """The same wind everywhere.
 
     Attributes:
@@ -50,7 +46,7 @@ class ConstantConfig(_Strict):
         return (-self.speed_mps * cos(angle), -self.speed_mps * sin(angle), -self.up_mps)
 
 
-class GustConfig(_Strict):
+class GustConfig(Settings):
     """A discrete gust: rises and falls as 1 - cos, and holds between (MIL-F-8785C, 3.7.1.3).
 
     Attributes:
@@ -74,11 +70,12 @@ class GustConfig(_Strict):
     @model_validator(mode="after")
     def _over_before_it_comes_again(self) -> Self:
         if self.every_s is not None and self.every_s < self.rise_s + self.hold_s + self.fall_s:
-            raise ValueError(f"every_s {self.every_s}: shorter than the gust itself")
+            lasts_s = self.rise_s + self.hold_s + self.fall_s
+            raise refused(f"{self.every_s:g} is shorter than the gust itself, {lasts_s:g} s", "every_s")
         return self
 
 
-class TurbulenceConfig(_Strict):
+class TurbulenceConfig(Settings):
     """Dryden turbulence (MIL-F-8785C): give `level` or `w20_mps`.
 
     Attributes:
@@ -101,7 +98,7 @@ class TurbulenceConfig(_Strict):
         return self.w20_mps if self.w20_mps is not None else knots[self.level or "light"] * KNOT_MPS
 
 
-class MapConfig(_Strict):
+class MapConfig(Settings):
     """A wind map, see fdm.air.wind_map.
 
     Attributes:
@@ -113,7 +110,7 @@ class MapConfig(_Strict):
     outside: Literal["clamp", "error"] = "clamp"
 
 
-class WindConfig(_Strict):
+class WindConfig(Settings):
     """A wind: the sum of its parts.
 
     Attributes:
@@ -217,17 +214,7 @@ def load_wind(name_or_path: str | Path) -> WindConfig:
             raise WindError(f"no wind file {path}")
     elif not (path := WINDS_DIR / f"{name_or_path}.yaml").is_file():
         raise WindError(unknown("no wind", name_or_path, wind_names()))
-    try:
-        text = path.read_text(encoding="utf-8")
-        return _with_map_from(path.resolve().parent, WindConfig.model_validate(read_yaml(text)))
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = "" if mark is None else f":{mark.line + 1}"
-        raise WindError(f"{path}{line}: is not YAML: {getattr(error, 'problem', None) or error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise WindError(f"{path}: {error}") from None
-    except ValidationError as error:
-        raise WindError(explain(path, text, error, WindConfig.model_fields)) from None
+    return _with_map_from(path.resolve().parent, read_model(path, WindConfig, WindError))
 
 
 def wind_from_mapping(mapping: Mapping[str, Any]) -> WindConfig:

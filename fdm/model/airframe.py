@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from fdm.config_file import explain, read_yaml, unknown
+from fdm.config_file import read_model, unknown
 from fdm.errors import AirframeError
+from fdm.settings import Settings
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"
 """Where airframes are looked up by name."""
@@ -22,11 +22,7 @@ Sensor = Literal["rangefinder", "windvane"]
 PropertyName = Annotated[str, Field(pattern=r"^[A-Za-z_][\w./\[\]-]*$")]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ServoChannel(_Strict):
+class ServoChannel(Settings):
     """How one servo channel drives one JSBSim property: clip(sign * scale_per_us * (pwm - offset_us), range).
 
     Attributes:
@@ -56,7 +52,7 @@ class ServoChannel(_Strict):
         return self
 
 
-class JsbsimConfig(_Strict):
+class JsbsimConfig(Settings):
     """The JSBSim side of an airframe.
 
     Attributes:
@@ -72,10 +68,10 @@ class JsbsimConfig(_Strict):
     model: Annotated[str, Field(pattern=r"^[\w-]+$")]
     root: Path | None = None
     min_rate_hz: Annotated[float, Field(gt=0, le=10_000)]
-    properties: dict[PropertyName, float] = {}
+    properties: dict[PropertyName, float] = Field(default_factory=dict)
 
 
-class InitialConditions(_Strict):
+class InitialConditions(Settings):
     """Where a UA starts, over its home.
 
     Attributes:
@@ -87,7 +83,7 @@ class InitialConditions(_Strict):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 3.0
 
 
-class Px4Airframe(_Strict):
+class Px4Airframe(Settings):
     """What PX4 needs to know to fly an airframe.
 
     Attributes:
@@ -96,7 +92,7 @@ class Px4Airframe(_Strict):
     """
 
     autostart: Annotated[int, Field(ge=1)]
-    parameters: dict[str, int | float] = {}
+    parameters: dict[str, int | float] = Field(default_factory=dict)
 
     @property
     def motors(self) -> frozenset[int]:
@@ -108,7 +104,7 @@ class Px4Airframe(_Strict):
         )
 
 
-class Airframe(_Strict):
+class Airframe(Settings):
     """One airframe; see docs/reference/fdm-airframes.md for a worked example.
 
     Attributes:
@@ -130,7 +126,7 @@ class Airframe(_Strict):
     initial: InitialConditions
     channels: Annotated[tuple[ServoChannel, ...], Field(min_length=1)]
     sensors: tuple[Sensor, ...] = ()
-    ardupilot_parameters: dict[str, float] = {}
+    ardupilot_parameters: dict[str, float] = Field(default_factory=dict)
     px4: Px4Airframe | None = None
 
     @field_validator("channels")
@@ -155,19 +151,7 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
         AirframeError: no such airframe, or the file is wrong; the text says where.
     """
     path = _find(name_or_path)
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = read_yaml(text)
-        airframe = Airframe.model_validate(data)
-    except OSError as error:
-        raise AirframeError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise AirframeError(f"{path}: is not UTF-8 text") from None
-    except yaml.YAMLError as error:
-        raise AirframeError(f"{path}: {error}") from None
-    except ValidationError as error:
-        raise AirframeError(explain(path, text, error)) from None
-    return _with_absolute_root(airframe, path)
+    return _with_absolute_root(read_model(path, Airframe, AirframeError), path)
 
 
 def _find(name_or_path: str | Path) -> Path:

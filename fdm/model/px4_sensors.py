@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from math import cos, sin, sqrt
 from typing import Annotated, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from fdm.errors import ModelDivergedError
 from fdm.model.air_point import StaticAir
 from fdm.model.geodesy import Home, geodetic_from_ned
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.truth import TrueState, Vector
+from fdm.settings import Settings
 from fdm.wire.px4 import hil
 from fdm.wire.px4.mavlink import FrameWriter
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX
@@ -45,7 +46,7 @@ Sigma = Annotated[float, Field(ge=0)]
 Rate = Annotated[int, Field(strict=True, ge=1, le=1000)]
 
 
-class Px4Sensors(BaseModel):
+class Px4Sensors(Settings):
     """Rates and errors of the sensors of a UA that PX4 flies.
 
     Attributes:
@@ -56,8 +57,6 @@ class Px4Sensors(BaseModel):
             standard deviation per sample and axis.
         gps_horizontal_sigma_m, gps_vertical_sigma_m, gps_velocity_sigma_mps: standard deviation per fix and axis.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     imu_rate_hz: Rate = 250
     gps_rate_hz: Rate = 10

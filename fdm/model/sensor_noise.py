@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from fdm.config_file import explain, read_yaml
+from fdm.config_file import read_model
 from fdm.errors import SensorNoiseError
 from fdm.model.truth import Vector
+from fdm.settings import Settings
 
 Sigma = Annotated[float, Field(ge=0)]
 Sense = Callable[[], tuple[float, ...]]
@@ -25,7 +25,7 @@ _COUNT = 16
 _GYRO, _ACCEL, _POSITION, _VELOCITY, _AIRSPEED = slice(0, 3), slice(3, 6), slice(6, 9), slice(12, 15), 15
 
 
-class SensorNoise(BaseModel):
+class SensorNoise(Settings):
     """Errors of one UA's sensors; what is not given is free of error.
 
     Attributes:
@@ -33,8 +33,6 @@ class SensorNoise(BaseModel):
         gyro_bias_frd_radps, accel_bias_frd_mps2: constant errors.
         position_sigma_m, velocity_sigma_mps, airspeed_sigma_mps: standard deviation per frame.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     gyro_sigma_radps: Sigma = 0.0
     gyro_bias_frd_radps: Vector = (0.0, 0.0, 0.0)
@@ -87,13 +85,4 @@ def load_sensor_noise(path: str | Path) -> SensorNoise:
     Raises:
         SensorNoiseError: no such file, or it is wrong; the text says where.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-        return SensorNoise.model_validate(read_yaml(text))
-    except OSError as error:
-        raise SensorNoiseError(f"{path}: {error.strerror}") from None
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SensorNoiseError(f"{path}: {error}") from None
-    except ValidationError as error:
-        raise SensorNoiseError(explain(path, text, error, SensorNoise.model_fields)) from None
+    return read_model(Path(path), SensorNoise, SensorNoiseError)

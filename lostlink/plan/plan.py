@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,8 @@ from lostlink.plan.reach import Reach, reach_of
 from lostlink.plan.validity import beyond_validity
 
 AIRTIME_MAX = 1.0
+NAMED_MAX = 5
+"""So many nodes are named in a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +142,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *overflows(scenario),
             *rates_that_differ(scenario),
             *too_late(scenario),
+            *_at_one_home(scenario),
         ),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
@@ -188,6 +192,21 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                 f"{load.medium} has no room: none would be delivered"
             )
     return lines
+
+
+def _at_one_home(scenario: Scenario) -> Iterator[str]:
+    """UA that start in each other's place."""
+    homes: dict[tuple[float, float], list[str]] = defaultdict(list)
+    for ua in scenario.ua:
+        homes[ua.home.north_m, ua.home.east_m].append(ua.node)
+    for (north_m, east_m), nodes in homes.items():
+        if len(nodes) > 1:
+            more = f" and {len(nodes) - NAMED_MAX} more" if len(nodes) > NAMED_MAX else ""
+            yield (
+                f"UA {', '.join(nodes[:NAMED_MAX])}{more} have one home, {north_m:g} m N, {east_m:g} m E: they do not "
+                "collide, and links between them have the radio's min_distance_m; give each its own, or the group a "
+                "pattern (home: {line: {spacing_m: 10}})"
+            )
 
 
 def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:

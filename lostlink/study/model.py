@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 
 from bridge.scenario.document.written import plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
-from bridge.scenario.parts import Slug
+from bridge.scenario.parts import Part, Slug
 
 RUNS_MAX = 100_000
 
@@ -21,25 +21,21 @@ class StudyError(ValueError):
     """A study that cannot be flown; the text names the file, the key and what is wrong."""
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Seeds(_Model):
+class Seeds(Part):
     """``count`` seeds in a row."""
 
     first: Annotated[int, Field(ge=0)] = 1
     count: Annotated[int, Field(ge=1, le=RUNS_MAX)]
 
 
-class Function(_Model):
+class Function(Part):
     """A function in a Python file."""
 
     file: Path
     name: str
 
 
-class StudyFile(_Model):
+class StudyFile(Part):
     """What a study's file says.
 
     Attributes:
@@ -60,9 +56,9 @@ class StudyFile(_Model):
     description: str = ""
     scenario: tuple[str, ...]
     seeds: tuple[int, ...] = (1,)
-    set: dict[str, Any] = {}
-    cases: dict[str, dict[str, Any]] = {}
-    vary: dict[str, dict[str, Any]] = {}
+    set: dict[str, Any] = Field(default_factory=dict)
+    cases: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    vary: dict[str, dict[str, Any]] = Field(default_factory=dict)
     metrics: tuple[Function, ...] = ()
     figures: tuple[Function, ...] = ()
     keep: Literal["all", "failed", "none"] = "all"

@@ -1,4 +1,7 @@
-"""One scenario laid over another: mappings key by key, nodes by id, anything else in place of what was there."""
+"""One scenario laid over another: mappings key by key, nodes by id, anything else in place of what was there.
+
+Null takes a key away that is below; where nothing is, it is a value like others.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from dataclasses import replace
 
 from bridge.scenario.document.written import Path_, Written
 
+NULL_IS_A_VALUE = frozenset({"earth_radius_factor"})
+"""Keys of a radio that mean something by null (a flat Earth); at any other it is the same as no key at all."""
 KINDS = {"type": None, "kind": "ua", "preset": None, "model": None}
 """Keys that say what a mapping is, and what it is without: one that says another takes nothing from what is below."""
 
@@ -22,13 +27,20 @@ def merged(base: Written, over: Written, path: Path_ = ()) -> Written:
         return _nodes(base, over)
     if names_a_preset(path) and isinstance(base.content, str) and over.is_mapping:
         base = as_preset(base)
-    if not (base.is_mapping and over.is_mapping) or _is_another(base, over, path):
+    if not (base.is_mapping and over.is_mapping):
         return over
-    parts = dict(base.content)
+    parts = {} if _is_another(base, over, path) else dict(base.content)
     for key, part in over.content.items():
-        below = parts.get(key)
-        parts[key] = part if below is None else merged(below, part, (*path, key))
+        if removes(base, key, part):
+            parts.pop(key, None)
+        else:
+            parts[key] = merged(parts[key], part, (*path, key)) if key in parts else part
     return replace(over, content=parts)
+
+
+def removes(base: Written, key: str, part: Written) -> bool:
+    """Whether a part laid over a mapping at a key takes away what is there: null does."""
+    return part.content is None and base.get(key) is not None and key not in NULL_IS_A_VALUE
 
 
 def names_a_preset(path: Path_) -> bool:
@@ -57,7 +69,11 @@ def _is_another(base: Written, over: Written, path: Path_) -> bool:
     keys = KINDS if base.get("type") else {**KINDS, "class": None}
     for key, default in keys.items():
         new, old = over.get(key), base.get(key)
-        if new is not None and new.content != (default if old is None else old.content):
+        if (
+            new is not None
+            and new.content is not None
+            and new.content != (default if old is None else old.content)
+        ):
             return True
     return False
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from bridge.scenario.document.merge import as_preset, names_a_preset, same_id
+from bridge.scenario.document.merge import as_preset, names_a_preset, removes, same_id
 from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
 
@@ -116,6 +116,8 @@ class _Setter:
         if not here.is_mapping:
             self._refuse(f"{self.root.dotted(path)} is {here.content!r}, which has no keys")
         step = steps[0]
+        if len(steps) == 1 and removes(here, step, self.value):
+            return here.without(step)
         below = here.get(step) or Written({} if len(steps) > 1 else None, self.value.place)
         return here.having(step, self.put(below, (*path, step), steps[1:]))
 

@@ -191,7 +191,7 @@ class _Group:
         try:
             pattern = model.model_validate(plain(written))
         except ValidationError as error:
-            raise ScenarioError("\n".join(explained(self._root, error, model, path))) from error
+            raise ScenarioError("\n".join(explained(self._root, error, model, path))) from None
         try:
             return pattern.spots(count, PlaceDraws(self._seed, str(self._node.content["id"].content)))
         except ValueError as error:

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from bridge.scenario.parts import A_NUMBER, Finite, Metres, Part, Positive
+from bridge.scenario.parts import Finite, Metres, Part, Positive
 from channel.draws import stream_key, uniform_from_words
 from channel.numbers.philox import philox_words
 
@@ -109,7 +109,7 @@ class Random(Part):
 
     north_m: tuple[Metres, Metres]
     east_m: tuple[Metres, Metres]
-    min_spacing_m: Annotated[float, Field(ge=0, allow_inf_nan=False), A_NUMBER] = 0.0
+    min_spacing_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
 
     def spots(self, count: int, draws: PlaceDraws) -> list[Spot]:
         """The places.

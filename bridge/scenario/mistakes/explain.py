@@ -18,6 +18,7 @@ WORDS = {
     r"^[A-Z][A-Z0-9_]{0,15}$": "a parameter's name: up to 16 capital letters, digits and '_'",
 }
 """What patterns of the models say."""
+WANTED = re.compile(r"has to be (.*) \(got (.*)\)(.*)", re.DOTALL)
 TYPES = {
     "string": "text",
     "float": "a number",
@@ -54,7 +55,9 @@ def explained(
         model: what that part was to be.
         below: where in the scenario the part is.
     """
-    told: set[tuple[str, str]] = set()
+    told: set[tuple[str, Path_, str]] = set()
+    texts: dict[Path_, list[str]] = {}
+    places: dict[Path_, str] = {}
     items = [(item, spot_of(model, item["loc"])) for item in error.errors(include_url=False)]
     misspelt = {
         (*spot.path[:-1], meant(str(spot.path[-1]), allowed_keys(spot.parents)))
@@ -67,10 +70,26 @@ def explained(
         if item["type"] == "missing" and spot.path in misspelt:
             continue  # it is there, under another name
         spot = spot._replace(path=(*below, *spot.path))
-        place, text = str(_place(root, spot.path, item["type"])), _problem(item, spot)
-        if (place, text) not in told:  # nodes of a group share their lines
-            told.add((place, text))
-            yield f"{place}: {root.dotted(spot.path)}: {text}"
+        places.setdefault(spot.path, str(_place(root, spot.path, item["type"])))
+        texts.setdefault(spot.path, []).append(_problem(item, spot))
+    for path, place in places.items():
+        key = path[2:] if path[:1] == ("nodes",) else path
+        for text in _in_one(texts[path]):
+            if (place, key, text) not in told:  # nodes of a group share their lines
+                told.add((place, key, text))
+                yield f"{place}: {root.dotted(path)}: {text}"
+
+
+def _in_one(texts: list[str]) -> list[str]:
+    """What a value of several kinds may be, each with a text of its own, in one text."""
+    found = [WANTED.fullmatch(text) for text in texts]
+    parts = [match.groups() for match in found if match is not None]
+    if len(parts) < max(2, len(texts)) or len({got for _, got, _ in parts}) > 1:
+        return texts
+    hints = "".join(dict.fromkeys(hint for *_, hint in parts))
+    return [
+        f"has to be {' or '.join(dict.fromkeys(wanted for wanted, *_ in parts))} (got {parts[0][1]}){hints}"
+    ]
 
 
 def _place(root: Written, path: Path_, kind: str) -> WrittenPlace:
@@ -85,6 +104,8 @@ def _problem(item: Any, spot: ErrorSpot) -> str:
     kind, value = item["type"], item["input"]
     if kind == "extra_forbidden":
         return _unknown_key(str(spot.path[-1]), spot)
+    if kind == "missing" and isinstance(spot.path[-1], int):
+        return "is missing: the list has to have more values"
     if kind == "missing":
         return _missing(str(spot.path[-1]))
     if kind in {"union_tag_not_found", "union_tag_invalid"}:
@@ -95,6 +116,8 @@ def _problem(item: Any, spot: ErrorSpot) -> str:
     if kind == "string_pattern_mismatch":
         pattern = item["ctx"]["pattern"]
         return f"has to be {WORDS.get(pattern, f'text like {pattern}')} (got {_shown(value)})"
+    if kind == "string_too_long":
+        return f"has to have at most {item['ctx']['max_length']} characters (got {_shown(value)})"
     if kind == "literal_error":
         words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
         return f"{_sentence(item['msg'])} (got {_shown(value)}){near_miss(value, words)}"
@@ -151,7 +174,8 @@ def _sentence(text: str) -> str:
     text = re.sub(
         r"^(Value error, |Input should be |Input should have )", lambda m: _BEGINS[m.group(1)], text
     )
-    return text.replace("Tuple should have", "has to have").replace("List should have", "has to have")
+    text = text.replace("Tuple should have", "has to have").replace("List should have", "has to have")
+    return text.replace(" after validation", "")
 
 
 _BEGINS = {"Value error, ": "", "Input should be ": "has to be ", "Input should have ": "has to have "}

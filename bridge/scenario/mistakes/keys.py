@@ -8,6 +8,8 @@ from typing import Any, NamedTuple, get_args
 from pydantic import BaseModel
 
 Models = tuple[type[BaseModel], ...]
+BRANCHES = {"str", "float", "int", "bool", "none"}
+"""Steps that pydantic makes of types; others have brackets, or begin with constrained-."""
 
 
 class ErrorSpot(NamedTuple):
@@ -32,7 +34,9 @@ def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> ErrorSpot:
     parents: Models = here
     for step in loc:
         inner = _inner(here, step)
-        if isinstance(step, int):
+        if len(here) > 1 and (branch := _branch(here, step)) is not None:
+            here = parents = branch  # also if one of them has a key of that name
+        elif isinstance(step, int):
             path.append(step)
         elif inner is not None:
             path.append(step)
@@ -92,4 +96,4 @@ def _literals(annotation: Any) -> list[str]:
 
 def _is_branch(step: str | int) -> bool:
     """Whether pydantic made the step of a type."""
-    return isinstance(step, str) and (step in {"str", "float", "int", "bool", "none", "[key]"} or "[" in step)
+    return isinstance(step, str) and (step in BRANCHES or step.startswith("constrained-") or "[" in step)

@@ -26,6 +26,7 @@ from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
 from channel.link.carrier import laws_off_carrier
+from channel.preset_errors import mistakes_in
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from channel.routing.settings import router_of
@@ -168,11 +169,11 @@ class _Radios:
             antenna = seen_from(Path(), {"antenna": emitter.antenna})["antenna"]
             check_antenna(antenna)
         except PresetError as error:
-            self.mistakes.append(_told(self._root, path, error.problem))
+            self.mistakes += [_told(self._root, path, each.problem) for each in error.mistakes]
         except ValidationError as error:
-            for item in error.errors(include_url=False):
-                steps = tuple(step for step in item["loc"][1:] if isinstance(step, str))
-                self.mistakes.append(_told(self._root, (*path, *steps), item["msg"]))
+            for key, problem in mistakes_in(error, {"antenna": antenna}, RadioConfig, ("antenna",)):
+                below = tuple(key.split("."))[1:]
+                self.mistakes.append(_told(self._root, (*path, *below), problem))
         else:
             return emitter.model_copy(update={"antenna": antenna})
         return emitter
@@ -194,7 +195,7 @@ class _Radios:
                 return setting, None
             return seen, radio_from(seen, self._scenario.origin).config
         except PresetError as error:
-            self.mistakes.append(self._mistake(path, error))
+            self.mistakes += [self._mistake(path, each) for each in error.mistakes]
             return setting, None
 
     def _is_off_carrier(self, config: RadioConfig, path: Path_) -> bool:
@@ -209,7 +210,7 @@ class _Radios:
 
     def _mistake(self, path: Path_, error: PresetError) -> str:
         if error.file is not None:
-            return _told_of_file(self._root, path, error.file, str(error))
+            return _told_of_file(self._root, path, error.file, error.line_told)
         key = tuple(step for step in error.key.split(".") if step)
         if self._root.at(path).is_mapping or key != ("preset",):
             path = (*path, *key)

@@ -15,7 +15,15 @@ from bridge.scenario.document.extends import EXTENDS, WITHOUT, scenario_names
 from bridge.scenario.expand.groups import COUNT, COUNT_MAX, EACH, PLACES
 from bridge.scenario.expand.patterns import PATTERNS
 from bridge.scenario.model import Scenario
-from bridge.scenario.schema.transform import Schema, changed, of_parts, reference, renamed, schemas_of
+from bridge.scenario.schema.transform import (
+    Schema,
+    changed,
+    of_parts,
+    or_null,
+    reference,
+    renamed,
+    schemas_of,
+)
 from channel.config import RadioConfig
 from channel.presets import preset_names
 from fdm.air.wind import WindConfig, wind_names
@@ -31,7 +39,7 @@ TRANSCEIVERS = ("Aircraft", "GroundNode")
 NODES = {"ground": "GroundNode", "emitter": "EmitterNode"}
 """By kind; without one it is an aircraft."""
 PLACE_OF = {"home": "HomePlace", "place": "GroundPlace"}
-TAGS = ("type", "kind")
+TAGS = ("type", "kind", "model")
 LEAVES = ("string", "number", "integer", "boolean")
 
 
@@ -47,7 +55,9 @@ def editor_schema() -> Schema:
     _with_names(scenario, definitions)
     parts = {PART + name: _part_of(part, definitions) for name, part in definitions.items()}
     _with_groups(parts)
-    patterns = {name: part for model in PATTERNS.values() for name, part in schemas_of(model).items()}
+    patterns = {
+        name: or_null(part) for model in PATTERNS.values() for name, part in schemas_of(model).items()
+    }
     presets = _preset_schemas(RADIO, RadioConfig, preset_names()) | _preset_schemas(
         WIND, WindConfig, wind_names()
     )
@@ -96,7 +106,7 @@ def _preset_schemas(
 ) -> dict[str, Schema]:
     """A radio or wind spelt out: each group may be a part, be a class of one's own, or have its table in a file."""
     found: dict[str, Schema] = {
-        name: changed(part, of_parts) for name, part in schemas_of(model, prefix).items()
+        name: or_null(changed(part, of_parts)) for name, part in schemas_of(model, prefix).items()
     }
     for part in found.values():
         part["patternProperties"] = {"_file$": {"type": "string"}}
@@ -104,7 +114,8 @@ def _preset_schemas(
             if any("$ref" in each for each in below.get("anyOf", [])):
                 own = [{"type": "object", "required": [word]} for word in ("class", "model")]
                 known = [each for each in below["anyOf"] if each not in own]
-                part["properties"][key] = {**below, "anyOf": [*known, own[0]]}
+                below = {**below, "anyOf": [*known, own[0]]}
+            part["properties"][key] = below if key in TAGS else changed(below, or_null)
     found[prefix + model.__name__]["properties"]["preset"] = {
         "anyOf": [{"enum": list(names)}, YAML_FILE],
         "description": "what the other keys change",
@@ -117,10 +128,10 @@ def _part_of(schema: Schema, definitions: dict[str, Schema]) -> Schema:
     part = changed(schema, of_parts)
     if "properties" in part:
         part["properties"] = {
-            key: below if key in TAGS else changed(below, _or_by_index)
+            key: below if key in TAGS else changed(changed(below, _or_by_index), or_null)
             for key, below in part["properties"].items()
         }
-    return renamed(part, {name: PART + name for name in definitions})
+    return renamed(or_null(part), {name: PART + name for name in definitions})
 
 
 def _or_by_index(schema: Schema) -> Schema:
@@ -141,7 +152,7 @@ def _with_groups(parts: dict[str, Schema]) -> None:
     for name in ("Aircraft", *NODES.values()):
         parts[PART + name]["required"] = ["id"]
         parts[PART + name]["properties"][COUNT] = {
-            "type": "integer",
+            "type": ["integer", "null"],
             "minimum": 0,
             "maximum": COUNT_MAX,
             "description": "so many nodes, whose ids count up; {i} is the index of each, from 0, and {n} the count",

@@ -19,12 +19,24 @@ def schemas_of(model: type[BaseModel], prefix: str = "") -> dict[str, Schema]:
     """The schema of a model and those of all models in it, by name, in the words of draft 7."""
     whole = model.model_json_schema(by_alias=True)
     parts = whole.pop("$defs", {}) | {model.__name__: whole}
-    words = {found.__name__: found for found in _all_models(model)}
+    words = {found.__name__: found for found in all_models(model)}
     found = {}
     for name, part in parts.items():
         if name in words:
             _describe(part, words[name])
         found[prefix + name] = _in_draft_7(part, prefix)
+    return found
+
+
+def all_models(model: type[BaseModel]) -> list[type[BaseModel]]:
+    """A model and all models that its fields are made of, at any depth."""
+    found: list[type[BaseModel]] = []
+    waiting = [model]
+    while waiting:
+        here = waiting.pop()
+        if here not in found:
+            found.append(here)
+            waiting += [m for field in here.model_fields.values() for m in models_in(field.annotation)]
     return found
 
 
@@ -51,6 +63,16 @@ def of_parts(schema: Schema) -> Schema:
     return out
 
 
+def or_null(schema: Schema) -> Schema:
+    """A schema that takes null as well: laid over a key, it removes it."""
+    out = dict(schema)
+    if isinstance(schema.get("type"), str) and "const" not in schema:
+        out["type"] = list(dict.fromkeys([schema["type"], "null"]))
+    if "enum" in schema:
+        out["enum"] = [*schema["enum"], None]
+    return out
+
+
 def renamed(schema: Schema, names: Mapping[str, str]) -> Schema:
     """A schema that refers to others by other names."""
 
@@ -65,17 +87,6 @@ def renamed(schema: Schema, names: Mapping[str, str]) -> Schema:
 def reference(name: str) -> Schema:
     """A schema by name."""
     return {"$ref": DEFINITIONS + name}
-
-
-def _all_models(model: type[BaseModel]) -> list[type[BaseModel]]:
-    found: list[type[BaseModel]] = []
-    waiting = [model]
-    while waiting:
-        here = waiting.pop()
-        if here not in found:
-            found.append(here)
-            waiting += [m for field in here.model_fields.values() for m in models_in(field.annotation)]
-    return found
 
 
 def _describe(schema: Schema, model: type[BaseModel]) -> None:

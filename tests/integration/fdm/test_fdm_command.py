@@ -141,7 +141,7 @@ def test_the_command_serves_a_legacy_peer():
         ),
         (
             "\naccel_sigma_mps2: -1\n",
-            ":2: accel_sigma_mps2: Input should be greater than or equal to 0 (got -1)",
+            ":2: accel_sigma_mps2: has to be greater than or equal to 0 (got -1)",
         ),
     ],
 )

@@ -77,7 +77,11 @@ def test_a_medium_uses_it(mine):
 @pytest.mark.parametrize(
     ("group", "problem"),
     [
-        ({"class": "mine.py:Steep", "exponnet": 1.0}, "exponnet: Extra inputs are not permitted"),
+        (
+            {"class": "mine.py:Steep", "exponnet": 1.0},
+            r"propagation\.exponnet: unknown key; did you mean exponent\?",
+        ),
+        ({"class": "mine.py:Steep", "exponent": "x"}, "propagation.exponent: has to be a number, not 'x'"),
         ({"class": "mine.py:Nothing"}, "Nothing in .*has no path_loss_db"),
         ({"class": "mine.py:Plain"}, r"is no subclass of channel\.variant\.Variant"),
         ({"class": "mine.py:Flat"}, "has no class Flat"),

@@ -58,6 +58,14 @@ def test_another_model_in_a_group_keeps_nothing_of_the_old():
             "medium",
             "model is missing: has to be one of ideal",
         ),
+        ({"preset": "moon2020", "offset_db": True}, "offset_db", "has to be a number, not true"),
+        ({"preset": "moon2020", "mtu_bytes": False}, "mtu_bytes", "has to be a whole number, not false"),
+        ({"preset": "moon2020", "noise": {"floor_dbm": True}}, "noise.floor_dbm", "a number, not true"),
+        (
+            {"preset": "moon2020", "interference": {"rejection": [[True, 3]]}},
+            "interference.rejection.0.0",
+            "a number, not true",
+        ),
         ({"preset": "moon2020", "fading": {}}, "fading", "model is missing: has to be one of none, rayleigh"),
     ],
 )
@@ -74,6 +82,64 @@ def test_mistakes_in_a_file_name_file_and_line(tmp_path):
     with pytest.raises(PresetError) as caught:
         presets.load_radio(file)
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), 4, "shadowing.sigma_db")
+
+
+def test_all_mistakes_are_told_at_once_each_in_the_file_that_has_it(tmp_path):
+    (tmp_path / "base.yaml").write_text("preset: moon2020\nbase_loss: 3\n")
+    file = tmp_path / "mine.yaml"
+    file.write_text("preset: base.yaml\nbandwidth_hz: -1\npropagation: {exponnet: 3}\n")
+    over = {"preset": str(file), "noise": {"model": "thermal", "nois": 3}, "cable_loss_db": -1}
+    with pytest.raises(PresetError) as caught:
+        presets.radio_from_mapping(over)
+    assert {(each.file, each.line, each.key) for each in caught.value.mistakes} == {
+        (str(file), 2, "bandwidth_hz"),
+        (str(file), 3, "propagation.exponnet"),
+        (str(tmp_path / "base.yaml"), 2, "base_loss"),
+        (None, None, "noise.nois"),
+        (None, None, "cable_loss_db"),
+    }
+    assert len(str(caught.value).splitlines()) == 5
+
+
+def test_what_may_be_true_still_may():
+    sik = presets.radio_from_mapping({"preset": "sik-433", "medium": {"ecc": True}})
+    assert sik.medium.ecc is True
+
+
+def test_what_a_group_that_is_replaced_lacks_is_no_mistake_of_the_preset():
+    with pytest.raises(PresetError, match="is missing: only uma-av and rma-av") as caught:
+        presets.radio_from_mapping({"preset": "moon2020", "shadowing": {"model": "normal"}})
+    assert (caught.value.file, caught.value.key) == (None, "shadowing.sigma_db")
+
+
+@pytest.mark.parametrize(
+    ("group", "told"),
+    [
+        ({"antenna": {"model": "pattern"}}, "antenna.pattern: is missing"),
+        (
+            {"interference": {"rejection": [[1, 2, 3]]}},
+            "interference.rejection.0: has to have at most 2, and has 3",
+        ),
+        ({"polarisation": {"model": "x"}}, "polarisation.model: unknown key; allowed: cross_polar_db"),
+        ({"routing": {"model": "flood"}}, "routing: flood: each hop takes time on the air"),
+        (
+            {"medium": {"model": "tdma", "schedule": {"slots": [{"nodes": 0}]}}},
+            "medium.schedule.slots.0.duration_s: is missing",
+        ),
+        ({"medium": {"model": "sik", "units": {"a": [0, 1]}}}, "medium.units.a: has to be a whole number"),
+    ],
+)
+def test_no_mistake_has_words_of_the_validation_in_it(group, told):
+    with pytest.raises(PresetError) as caught:
+        presets.radio_from_mapping({"preset": "moon2020"} | group)
+    assert str(caught.value).startswith(told)
+    assert len(caught.value.mistakes) == 1
+
+
+def test_a_misspelt_key_is_not_missing_as_well():
+    with pytest.raises(PresetError, match="did you mean frequency_hz") as caught:
+        presets.radio_from_mapping({"frequenzy_hz": 1e9, "transmit_power_dbm": 20})
+    assert len(caught.value.mistakes) == 1
 
 
 def test_text_that_is_not_yaml(tmp_path):

@@ -55,16 +55,16 @@ def test_ports_are_those_of_each_ones_autopilot() -> None:
     [
         (
             TEXT.replace("ports:", "fdm: {scheme: legacy}\nports:"),
-            "scheme legacy is for autopilot: external; the others speak json only",
+            "fdm.scheme: legacy is for autopilot: external; the others speak json only",
         ),
         (WITH_MODEM, "modems: UA 1 is flown by PX4, which has no second serial port here"),
         (
             TEXT.replace("autopilot: px4,", "autopilot: px4, parameters: {PWM_MAIN_FUNC2: 102},"),
-            "parameters: UA 1 is flown by PX4: PWM_MAIN_FUNC2 is the airframe's, in its section px4",
+            "nodes.1.parameters.PWM_MAIN_FUNC2: UA 1 is flown by PX4: this is the airframe's, in its section px4",
         ),
         (
             TEXT.replace("ports:", "parameters: {PWM_MAIN_FUNC11: 0}\nports:"),
-            "parameters: UA 1 is flown by PX4: PWM_MAIN_FUNC11 is the airframe's, in its section px4",
+            " parameters.PWM_MAIN_FUNC11: UA 1 is flown by PX4: this is the airframe's, in its section px4",
         ),
         (TEXT.replace("autopilot: px4", "autopilot: px5"), "nodes.1.autopilot"),
         (TEXT + "fdm: {px4: {imu_rate_hz: 130}}\n", "must divide imu_rate_hz, 130"),

@@ -51,8 +51,8 @@ def test_nodes_are_in_the_groups_that_they_say_on_the_networks_that_they_are_on(
 @pytest.mark.parametrize(
     ("group", "text"),
     [
-        ("gcs", "node 0 is in gcs: a node has that id"),
-        ("all", "node 0 is in all: that is the address of packets for every node"),
+        ("gcs", "nodes.0.groups.1: gcs is the id of a node"),
+        ("all", "nodes.0.groups.1: all is the address of packets for every node"),
         ("a/b", "a/b"),
     ],
 )

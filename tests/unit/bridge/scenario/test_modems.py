@@ -45,7 +45,7 @@ def test_a_modem_is_at_a_serial_port_and_its_line_as_fast_as_its_firmware_has_it
 @pytest.mark.parametrize(
     ("ua", "ground", "agent", "text"),
     [
-        ("away: {}", "", "still", "node 0 has a modem at radio away; its radios are: main, near, far"),
+        ("away: {}", "", "still", "nodes.0.modems.away: node 0 has no radio away; it has: main, near, far"),
         ("near: {}, far: {}", "", "still", "two modems are at one serial port"),
         ("near: {serial: 3}", "", "still", "serial"),
         ("near: {baud: 0}", "", "still", "baud"),
@@ -53,7 +53,7 @@ def test_a_modem_is_at_a_serial_port_and_its_line_as_fast_as_its_firmware_has_it
         ("", "near: {serve: ['tcpin:here']}", "still", "'tcpin:here' is not tcpin:HOST:PORT"),
         ("", "near: {serve: ['http://there']}", "still", "is none of tcp:HOST:PORT"),
         ("", "near: {serial: 1}", "still", "serial"),
-        ("", "near: {}", "free", "node gcs has no agent of ours"),
+        ("", "near: {}", "free", "nodes.gcs.modems: needs an agent of ours"),
     ],
 )
 def test_a_modem_that_cannot_be_is_refused_with_its_key(ua: str, ground: str, agent: str, text: str) -> None:

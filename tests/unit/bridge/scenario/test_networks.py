@@ -53,16 +53,24 @@ def test_each_network_has_the_radio_and_the_switches_of_its_nodes() -> None:
 @pytest.mark.parametrize(
     ("radios", "nodes", "text"),
     [
-        ("radio: perfect\nnetworks: {main: wifi-2.4}\n", NODES, "main: that is the network of the key radio"),
-        ("radio: perfect\nnetworks: {all: wifi-2.4}\n", NODES, "all: that is the address of packets"),
-        ("radio: perfect\nnetworks: {mash: wifi-2.4}\n", NODES, "node 1 is on mesh; there are: main, mash"),
-        ("radio: perfect\n", NODES, "node 1 is on mesh; there are: main"),
+        (
+            "radio: perfect\nnetworks: {main: wifi-2.4}\n",
+            NODES,
+            "networks.main: main is the network of the key radio",
+        ),
+        ("radio: perfect\nnetworks: {all: wifi-2.4}\n", NODES, "networks.all: all is the address of packets"),
+        (
+            "radio: perfect\nnetworks: {mash: wifi-2.4}\n",
+            NODES,
+            "nodes.1.networks.1: no network mesh; there are: main, mash",
+        ),
+        ("radio: perfect\n", NODES, "nodes.1.networks.1: no network mesh; there are: main"),
         (RADIOS, NODES.replace("[main]", "[]"), "all nodes are on main: name it, too"),
         (RADIOS, NODES.replace("[main, mesh]", "[mesh]"), "all nodes are on main: name it, too"),
         (
             RADIOS,
             NODES.replace("[main, mesh]", "[main]").replace("{id: 0,", "{id: 0, networks: [main],"),
-            "fewer than two nodes are on mesh",
+            "networks.mesh: fewer than two nodes are on it",
         ),
         ("radio: perfect\nnetworks: {mesh: wify-2.4}\n", NODES, "networks.mesh: "),
         ("radio: perfect\nnetworks: {mesh: {preset: wifi-2.4, mtu: 5}}\n", NODES, "networks.mesh.mtu"),

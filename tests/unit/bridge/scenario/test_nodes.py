@@ -56,9 +56,9 @@ def test_outages_of_a_radio_follow_each_other() -> None:
 @pytest.mark.parametrize(
     ("outages", "key", "says"),
     [
-        ("[{from_s: 2, to_s: 2}]", "radio_off", "to_s 2: has to be above from_s, 2"),
-        ("[{from_s: 2}, {from_s: 3}]", "radio_off", "from_s 3: has to be at or after to_s"),
-        ("[{from_s: 2, to_s: 5}, {from_s: 3}]", "radio_off", "from_s 3: has to be at or after to_s"),
+        ("[{from_s: 2, to_s: 2}]", "radio_off.0.to_s", "has to be above from_s, 2 (got 2)"),
+        ("[{from_s: 2}, {from_s: 3}]", "radio_off.1.from_s", "has to be at or after to_s"),
+        ("[{from_s: 2, to_s: 5}, {from_s: 3}]", "radio_off.1.from_s", "has to be at or after to_s"),
         ("[{to_s: 3}]", "radio_off.0.from_s", "is required"),
         ("[{from_s: -1}]", "radio_off.0.from_s", "greater than or equal to 0"),
         ("[{from_s: 1, until_s: 3}]", "radio_off.0.until_s", "from_s, to_s"),
@@ -101,7 +101,7 @@ def test_what_is_read_back_is_the_same() -> None:
         ("{id: a/b, kind: ground, agent: {type: still}}", "nodes.1.id", "letters, digits"),
         ("{id: gcs, kind: ground, radio: nope, agent: {type: still}}", "nodes.gcs.radio", "nope"),
         ("{id: '0', kind: ground, agent: {type: still}}", "nodes", "id 0 is used more than once"),
-        ("{id: all, kind: ground, agent: {type: still}}", "nodes", "id all: that is the address"),
+        ("{id: all, kind: ground, agent: {type: still}}", "nodes", "id: all is the address"),
         (
             "{id: gcs, kind: ground, radio: telemetry-915, agent: {type: still}}",
             "nodes.gcs.radio",
@@ -116,7 +116,7 @@ def test_what_is_read_back_is_the_same() -> None:
         (
             "{id: gcs, kind: ground, track: [{sim_time_s: 3}, {sim_time_s: 3}], agent: {type: still}}",
             "nodes.gcs",
-            "sim_time_s has to rise",
+            "track.1.sim_time_s: has to be above that of the point before, 3 (got 3)",
         ),
     ],
 )

@@ -115,7 +115,12 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
         ),
         ("id: beacon", "id: '0'", "nodes", "id 0 is used more than once"),
         ("place: {north_m: 7}", "place: {}, track: [{sim_time_s: 0}]", "nodes.beacon", "give one of them"),
-        ("place: {north_m: 7}", "track: [{sim_time_s: 3}, {sim_time_s: 3}]", "nodes.beacon", "has to rise"),
+        (
+            "place: {north_m: 7}",
+            "track: [{sim_time_s: 3}, {sim_time_s: 3}]",
+            "nodes.beacon.track.1",
+            "above that of the",
+        ),
     ],
 )
 def test_mistakes_in_an_emitter_are_named(old: str, new: str, key: str, says: str) -> None:

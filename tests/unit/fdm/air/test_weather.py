@@ -146,6 +146,10 @@ def test_weather_is_for_homes_where_the_formulas_hold(alt_amsl_m):
         ({"qnh_hpa": 29.92}, "greater than or equal to 850"),
         ({"temperature_offset_k": 300}, "less than or equal to 60"),
         ({"qnh": 1000}, "Extra inputs"),
+        (
+            {"qnh_hpa": 1000, "temperature_offset_k": True},
+            "temperature_offset_k\n  Input should be a valid number",
+        ),
     ],
 )
 def test_impossible_weather_is_refused(values, message):

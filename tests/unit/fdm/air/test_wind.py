@@ -116,11 +116,13 @@ def test_turbulence_is_keyed_by_seed_and_ua():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("constant: {speed: 3}", r"mine.yaml:1: constant\.speed_mps: Field required"),
+        ("constant: {speed: 3}", r"mine.yaml:1: constant\.speed_mps: is missing"),
+        ("constant: {speed_mps: 3, fro_deg: 9}", "unknown key; did you mean from_deg"),
+        ("constant: {speed_mps: true}", r"mine.yaml:1: constant\.speed_mps: has to be a number \(got true\)"),
         ("turbulence: {}", "either level or w20_mps"),
         ("gusts: [{speed_mps: 1, start_s: 0, every_s: 1}]", "shorter than the gust"),
         ("a: [", "expected"),
-        ("1", "valid dictionary"),
+        ("1", "has to be a mapping of keys to values"),
     ],
 )
 def test_a_wrong_file_is_explained(tmp_path, text, message):

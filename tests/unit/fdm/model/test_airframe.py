@@ -56,6 +56,8 @@ def test_an_unknown_key_is_named_with_file_and_line(tmp_path, f450_data):
         ("no_output", 2.0, "outside the range"),
         ("channel", 33, "less than or equal to 32"),
         ("sign", 2, "1 or -1"),
+        ("sign", True, r"channels\.0\.sign: has to be 1 or -1 \(got true\)"),
+        ("range", [0, True], r"channels\.0\.range\.1: has to be a number \(got true\)"),
         ("scale_per_us", float("nan"), "finite"),
     ],
 )

@@ -31,7 +31,7 @@ ports: {first_slot: 7}
 nodes:
   - {id: 0, count: 3, home: {line: {spacing_m: 10}}, agent: {type: hold, altitude_m: 30}}
   - {id: gcs, kind: ground, place: {north_m: -5, height_m: 6}, agent: {type: free}}
-  - {id: 9, radio: {preset: corrected, mtu_bytes: 100}, agent: {type: own, class: "os.path:join"}}
+  - {id: 9, home: {north_m: 50}, radio: {preset: corrected, mtu_bytes: 100}, agent: {type: own, class: "os.path:join"}}
 """
 
 
@@ -80,7 +80,7 @@ def test_nodes_processes_and_ports() -> None:
         ("1", "ua", (0, 10, 0), "copter", "hold"),
         ("2", "ua", (0, 20, 0), "copter", "hold"),
         ("gcs", "ground", (-5, 0, 6), None, "free"),
-        ("9", "ua", (0, 0, 0), "copter", "os.path:join"),
+        ("9", "ua", (50, 0, 0), "copter", "os.path:join"),
     ]
     hosted = [node for name, nodes in plan.processes.items() if name.startswith("host-") for node in nodes]
     assert sorted(hosted) == ["0", "1", "2", "9"]
@@ -261,6 +261,14 @@ def test_load_on_a_medium_reads_well() -> None:
 def test_an_outage_after_the_end_is_warned_of() -> None:
     late = TEXT.replace("radio: {preset", "radio_off: [{from_s: 5, to_s: 60}, {from_s: 60}], radio: {preset")
     assert "node 9: its radio goes off at 60 s" in plan_of(parse_scenario(late, "late.yaml")).warnings[-1]
+
+
+def test_ua_with_one_home_are_warned_of() -> None:
+    text = TEXT.replace("home: {line: {spacing_m: 10}}", "home: {north_m: 50}")
+    warning = plan_of(parse_scenario(text, "planned.yaml")).warnings[-1]
+    assert warning.startswith("UA 0, 1, 2, 9 have one home, 50 m N, 0 m E: ")
+    many = plan_of(parse_scenario(text.replace("count: 3", "count: 7"), "planned.yaml")).warnings[-1]
+    assert many.startswith("UA 0, 1, 2, 3, 4 and 3 more have one home")
 
 
 def test_a_package_longer_than_the_mtu_is_warned_of() -> None:

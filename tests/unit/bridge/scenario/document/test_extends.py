@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from bridge.scenario.agents import HoldAgent, OutAndBackAgent, StillAgent
+from bridge.scenario.document.merge import NULL_IS_A_VALUE
 from bridge.scenario.file import ScenarioError, read_scenario
+from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import wind_of
+from bridge.scenario.schema.transform import all_models
+from channel.config import RadioConfig
+from fdm.air.wind import WindConfig
 
 BASE = """\
 schema: 1
@@ -136,3 +142,50 @@ def test_a_cycle_of_two_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b.yaml").write_text("extends: a.yaml\n")
     with pytest.raises(ScenarioError, match=r"b.yaml:1: extends: a.yaml -> b.yaml -> a.yaml"):
         read_scenario(tmp_path / "a.yaml")
+
+
+def test_null_removes_a_key_whatever_the_model_says_of_it(folder: Path) -> None:
+    text = """\
+wind: null
+ports: {first_slot: null}
+radio: {noise: null, base_loss: null}
+nodes: [{id: 0, home: {north_m: null}, agent: {type: still, altitude_m: null}}]
+"""
+    it = read_scenario(mine(folder, text))
+    assert (it.wind, it.ports.first_slot, it.ports.zenoh) == ("calm", 0, 0)
+    assert it.radio == {"preset": "moon2020"}
+    assert (it.ua[0].home.north_m, it.ua[0].home.east_m) == (0.0, 6.0)
+    assert it.ua[0].agent == StillAgent(type="still")
+
+
+def test_null_removes_the_count_and_the_pattern_of_a_group(folder: Path) -> None:
+    group = "  - {id: 3, count: 4, home: {north_m: 9, line: {spacing_m: 5}}, agent: {type: still}}\n"
+    (folder / "bases" / "base.yaml").write_text(BASE + group)
+    it = read_scenario(mine(folder, "nodes: [{id: 3, count: null, home: {line: null}}]\n"))
+    assert [ua.id for ua in it.ua] == [0, 1, 3]
+    assert it.node("3") == it.ua[2]
+    assert it.ua[2].home.north_m == 9.0
+
+
+def test_null_with_nothing_below_is_a_value(folder: Path) -> None:
+    assert read_scenario(mine(folder, "radio: {max_range_m: null}\n")).radio["max_range_m"] is None
+    with pytest.raises(ScenarioError, match=r"mine.yaml:2: transmit: has to be a mapping"):
+        read_scenario(mine(folder, "transmit: null\n"))
+
+
+def test_null_stays_where_a_radio_means_something_by_it(folder: Path) -> None:
+    (folder / "bases" / "base.yaml").write_text(BASE.replace("base_loss: 0.1", "earth_radius_factor: 1"))
+    it = read_scenario(mine(folder, "radio: {earth_radius_factor: null}\n"))
+    assert it.radio["earth_radius_factor"] is None
+
+
+def test_no_other_key_means_something_else_by_null_than_by_being_left_out() -> None:
+    found = {
+        key
+        for model in (Scenario, RadioConfig, WindConfig)
+        for part in all_models(model)
+        for key, field in part.model_fields.items()
+        if type(None) in get_args(field.annotation)
+        and field.get_default(call_default_factory=True) is not None
+    }
+    assert found == NULL_IS_A_VALUE

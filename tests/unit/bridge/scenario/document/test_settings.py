@@ -9,7 +9,7 @@ import pytest
 
 from bridge.bus.keys import ALL
 from bridge.scenario.document.settings import Setting, parse_setting
-from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario
+from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario, with_changes
 from bridge.scenario.model import RESERVED_ID
 from bridge.scenario.resolve.flight import wind_of
 from bridge.scenario.resolve.radio import radio_of
@@ -48,6 +48,17 @@ def test_a_star_means_all_nodes_and_later_settings_win() -> None:
     it = changed("nodes.*.radio=disk", "nodes.2.radio=null", "radio.frequency_hz=2.4e9", "radio=disk")
     assert [node.radio for node in it.nodes] == ["disk", None, "disk"]
     assert it.radio == "disk"
+
+
+def test_null_removes_what_is_there() -> None:
+    it = changed("wind=breeze", "wind=null", "nodes.2.home.north_m=7", "nodes.2.home=null")
+    assert (it.wind, it.ua[1].home.north_m) == ("calm", 0.0)
+    assert changed("radio.base_loss=0.1", "radio.base_loss=null").radio == {"preset": "moon2020"}
+    assert with_changes(it, {"lookahead_ticks": None}).lookahead_ticks == 0
+    assert (
+        refused("duration_s=null")
+        == "small.yaml:9: duration_s: is required, and missing: add duration_s: 300, say"
+    )
 
 
 def test_a_value_below_a_radios_name_changes_that_radio() -> None:

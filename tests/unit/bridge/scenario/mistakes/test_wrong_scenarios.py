@@ -49,6 +49,30 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
         ("wind: calm", "wind: {constant: {speed: 3}}", 8, "wind.constant.speed", "did you mean speed_mps?"),
         ("duration_s: 60\n", "", 21, "duration_s", "add duration_s: 300"),
         ("duration_s: 60", "duration_s: 60 s", 5, "duration_s", "has to be a number (got '60 s')"),
+        (
+            "duration_s: 60",
+            "duration_s: 1.0e+30",
+            5,
+            "duration_s",
+            "less than or equal to 4000000 (got 1e+30)",
+        ),
+        ("name: mine", f"name: {'x' * 300}", 2, "name", "at most 64 characters (got 'xxx"),
+        ("seed: 1", f"networks: {{{'x' * 300}: disk}}", 3, f"networks.{'x' * 300}", "at most 64 characters"),
+        ("seed: 1", f"transmit: {{channel: {'x' * 65}}}", 3, "transmit.channel", "at most 64 characters"),
+        (
+            "  - id: 1",
+            f"  - kind: ground\n    id: {'x' * 300}",
+            15,
+            "nodes.1.id",
+            "at most 64 characters",
+        ),
+        (
+            "  - id: 1",
+            f"  - groups: [{'x' * 300}]\n    id: 1",
+            14,
+            "nodes.1.groups.0",
+            "at most 64 characters",
+        ),
         ("duration_s: 60", "duration: 60", 5, "duration", "did you mean duration_s?"),
         ("speed: max", "speed: 0", 4, "speed", "'max' or a real-time factor from 0.1"),
         ("seed: 1", "seed: one", 3, "seed", "has to be a whole number (got 'one')"),
@@ -165,6 +189,68 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "HOST:PORT with a port in 1..65535",
         ),
         ("seed: 1", "tick_rate_hz: 30", 3, "tick_rate_hz", "(1, 2, 4, 5, 8, 10, 16, 20, 25, ...)"),
+        (
+            "seed: 1",
+            "transmit: {phase_s: 3}",
+            3,
+            "transmit.phase_s",
+            "'drawn' or less than or equal to 1 (got 3)",
+        ),
+        ("seed: 1", "zenoh: maybe", 3, "zenoh", "has to be 'auto' or true or false (got 'maybe')"),
+        ("seed: 1", "networks: {main: disk}", 3, "networks.main", "main is the network of the key radio"),
+        ("seed: 1", "networks: {a: disk, main: disk}", 3, "networks.main", "choose another name"),
+        ("seed: 1", "processes: one\nhosts: 3", 3, "processes", "one, and hosts: 3: choose one of them"),
+        (
+            "  - id: 1",
+            "  - id: 1\n    networks: [main, x]",
+            15,
+            "nodes.1.networks.1",
+            "no network x; there are",
+        ),
+        ("  - id: 1", "  - id: 1\n    groups: [a, '0']", 15, "nodes.1.groups.1", "0 is the id of a node"),
+        (
+            "  - id: 1",
+            "  - id: 1\n    modems: {other: {}}",
+            15,
+            "nodes.1.modems.other",
+            "node 1 has no radio other; it has: main",
+        ),
+        (
+            "  - id: 1",
+            "  - id: 1\n    radio_off:\n      - {from_s: 1}\n      - {from_s: 3}",
+            17,
+            "nodes.1.radio_off.1.from_s",
+            "at or after to_s of the outage before it (got 3)",
+        ),
+        (
+            "wind: calm",
+            "wind: {gusts: [{speed_mps: 1, start_s: 0, every_s: 1}]}",
+            8,
+            "wind.gusts.0.every_s",
+            "2 s",
+        ),
+        (
+            "type: delivery, from: 0, to: 1, at_least: 0.9",
+            "type: function, function: 'os:getcwd', at_least: 5, at_most: 1",
+            22,
+            "expectations.0.at_most",
+            "1 is below at_least, 5: nothing is both",
+        ),
+        (
+            "type: delivery, from: 0, to: 1, at_least: 0.9",
+            "type: function, function: x",
+            22,
+            "expectations.0.function",
+            "has to be FILE.py:NAME or package.module:NAME (got 'x')",
+        ),
+        (
+            "type: delivery, from: 0, to: 1, at_least: 0.9",
+            "type: separation, among: [0], at_least_m: 3",
+            22,
+            "expectations.0.among",
+            "has to have at least 2 items, not 1",
+        ),
+        ("to: 1", "between_s: [5]", 22, "expectations.0.between_s.1", "the list has to have more values"),
         ("seed: 1", "autopilot: ardupliot", 3, "autopilot", "did you mean ardupilot?"),
     ],
 )
@@ -177,8 +263,16 @@ def test_a_wrong_scenario_is_refused(old: str, new: str, line: int, key: str, sa
     assert says in lines[0]
     assert all(re.match(r"mine\.yaml:\d+: ", each) for each in lines)
     assert not any(
-        word in str(caught.value) for word in ("Input should", "Value error", "pydantic", "valid string")
+        word in str(caught.value)
+        for word in ("Input should", "Value error", "pydantic", "valid string", "constrained", "validation")
     )
+
+
+def test_what_a_program_asks_for_wrongly_is_told_without_the_validation_s_own_words() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(RIGHT, "mine.yaml", overrides={"duration_s": -1})
+    assert caught.value.__cause__ is None
+    assert caught.value.__suppress_context__
 
 
 def test_all_mistakes_are_told_at_once() -> None:
@@ -191,6 +285,20 @@ def test_all_mistakes_are_told_at_once() -> None:
         parse_scenario(text, "mine.yaml")
     keys = [line.split(": ")[1] for line in str(caught.value).splitlines()]
     assert sorted(keys) == ["nodes.0.agent.altitude_m", "nodes.1.home.north_m", "sead"]
+
+
+def test_all_mistakes_of_a_radio_are_told_at_once_each_where_it_was_written(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("preset: moon2020\nbandwidth_hz: -1\nnoise: {floor: 3}\n")
+    radio = "radio:\n  preset: mine.yaml\n  offset: 3\n  base_loss: 2"
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(RIGHT.replace("radio: moon2020", radio), "here.yaml", tmp_path)
+    told = [line.split(": ")[:2] for line in str(caught.value).splitlines()]
+    assert sorted(told) == [
+        [f"{tmp_path}/mine.yaml:2", "bandwidth_hz"],
+        [f"{tmp_path}/mine.yaml:3", "noise.floor"],
+        ["here.yaml:10", "radio.base_loss"],
+        ["here.yaml:9", "radio.offset"],
+    ]
 
 
 @pytest.mark.parametrize("key", ["nodes.4.home.north_m", "nodes.5.agent.altitude_m", "nodes.5.radio"])

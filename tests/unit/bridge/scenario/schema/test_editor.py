@@ -96,6 +96,13 @@ def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
         {"extends": "separation"},
         {"extends": "base.yaml", "without": [1], "nodes": [{"id": 0, "agent": {"altitude_m": 9}}]},
         {"extends": "base.yaml", "nodes": [{"id": 0, "count": 9}], "origin": {"lat_deg": 3}},
+        {
+            "extends": "base.yaml",
+            "wind": None,
+            "ports": {"zenoh": None},
+            "nodes": [{"id": 0, "count": None, "home": {"ring": None}}],
+        },
+        {"extends": "base.yaml", "radio": {"noise": None, "fading": {"k_db": None}}, "weather": None},
     ],
 )
 def test_parts_may_be_laid_over_another(content: dict[str, Any]) -> None:
