@@ -89,7 +89,7 @@ def key_of(location: tuple[int | str, ...], tree: object) -> str:
         inside = isinstance(tree, Mapping) and part in tree
         if part == "[key]" and not inside:
             continue
-        if isinstance(tree, Mapping) and not inside and tree is not tagged and part == tree.get("model"):
+        if isinstance(tree, Mapping) and tree is not tagged and part == tree.get("model"):
             tagged = tree  # a key of that name may come next
             continue
         parts.append(str(part))
@@ -122,18 +122,27 @@ def problem_of(error: Mapping[str, Any], key: str, tree: Tree, model: type[BaseM
     if error["type"] in {"value_error", "own_model", "refused"}:
         return str(error["msg"]).removeprefix("Value error, ")
     wanted = WORDS.get(error["type"])
-    return f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {error['input']!r}"
+    return (
+        f"{wanted or error['msg'].replace('Input should be', 'has to be', 1)}, not {_shown(error['input'])}"
+    )
+
+
+def _shown(value: object) -> str:
+    """A value as YAML has it."""
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def _no_mapping(value: object, key: str, model: type[BaseModel]) -> str:
     tags = [field.default for each in _models_at(key.split("."), {}, model) if (field := _tag_of(each))]
     if not tags:
-        return f"has to be a mapping of keys to values, not {value!r}"
+        return f"has to be a mapping of keys to values, not {_shown(value)}"
     if isinstance(value, Mapping):
         return f"model is missing: has to be one of {', '.join(tags)}"
     if value in tags:
         return f"has to be a mapping, as {{model: {value}}}, not {value!r}"
-    return f"has to be a mapping with model, one of {', '.join(tags)}, not {value!r}"
+    return f"has to be a mapping with model, one of {', '.join(tags)}, not {_shown(value)}"
 
 
 def _tag_of(model: type[BaseModel]) -> FieldInfo | None:

@@ -201,8 +201,15 @@ def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
         raise PresetError("is not YAML", file=str(file), line=line) from error
     if not isinstance(tree, dict):
         raise PresetError("is not a mapping of keys to values", file=str(file))
-    tables = _with_tables({"name": file.stem, **tree}, file.parent)
-    return _resolved(tables, file.parent, (*extending, file.resolve()))
+    try:
+        tables = _with_tables({"name": file.stem, **tree}, file.parent)
+        return _resolved(tables, file.parent, (*extending, file.resolve()))
+    except PresetError as error:
+        if error.file is not None:
+            raise
+        raise PresetError(
+            error.problem, key=error.key, file=str(file), line=line_of(file, error.key)
+        ) from None
 
 
 def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tree:

@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from channel.variant import Settings
+from channel.variant import Settings, refused
 
 NS_PER_S = 1e9
 Identifies = Literal["id", "frequency", "none"]
@@ -36,7 +36,7 @@ class SensorSettings(Settings):
     @model_validator(mode="after")
     def _is_a_band(self) -> Self:
         if self.band_hz is not None and not 0.0 < self.band_hz[0] < self.band_hz[1]:
-            raise ValueError("band_hz: the lower end comes first, above 0")
+            raise refused("the lower end comes first, above 0", "band_hz")
         return self
 
     @property

@@ -17,7 +17,7 @@ from fdm.model.air_point import StaticAir
 from fdm.model.geodesy import Home, geodetic_from_ned
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.truth import TrueState, Vector
-from fdm.settings import Settings
+from fdm.settings import Settings, refused
 from fdm.wire.px4 import hil
 from fdm.wire.px4.mavlink import FrameWriter
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX
@@ -76,7 +76,9 @@ class Px4Sensors(Settings):
     def _rates_divide(self) -> Px4Sensors:
         for name in ("gps_rate_hz", "magnetometer_rate_hz", "pressure_rate_hz", "truth_rate_hz"):
             if self.imu_rate_hz % getattr(self, name):
-                raise ValueError(f"{name} {getattr(self, name)}: must divide imu_rate_hz, {self.imu_rate_hz}")
+                raise refused(
+                    f"has to divide imu_rate_hz, {self.imu_rate_hz} (got {getattr(self, name)})", name
+                )
         return self
 
 

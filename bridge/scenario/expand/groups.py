@@ -14,7 +14,7 @@ from bridge.scenario.document.written import Path_, Written, plain
 from bridge.scenario.expand.patterns import PATTERNS, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
-from bridge.scenario.mistakes.explain import explained
+from bridge.scenario.mistakes.explain import explained, shown
 from bridge.scenario.mistakes.near import near_miss
 
 COUNT, EACH = "count", "each"
@@ -125,7 +125,9 @@ class _Group:
         value = count.content
         if not _is_whole(value) or not 0 <= value <= COUNT_MAX:
             self._refuse(
-                count, (COUNT,), f"has to be a number of nodes from 0 to {COUNT_MAX} (got {plain(count)!r})"
+                count,
+                (COUNT,),
+                f"has to be a number of nodes from 0 to {COUNT_MAX} (got {shown(plain(count))})",
             )
         return int(value)
 
@@ -138,7 +140,9 @@ class _Group:
         elif not _is_whole(node_id.content) and not (
             isinstance(node_id.content, str) and "{" in node_id.content
         ):
-            text = f"has to be a number, or a text with the index, as sensor-{{i}} (got {plain(node_id)!r})"
+            text = (
+                f"has to be a number, or a text with the index, as sensor-{{i}} (got {shown(plain(node_id))})"
+            )
             self._refuse(node_id, ("id",), text)
 
     def _id(self, node: Written, index: int) -> Written:

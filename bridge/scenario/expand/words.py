@@ -29,7 +29,10 @@ def filled(text: str, names: Mapping[str, int]) -> Any:
     Raises:
         ValueError: what is in braces cannot be computed.
     """
-    parts = list(Formatter().parse(text))
+    try:
+        parts = list(Formatter().parse(text))
+    except ValueError as error:
+        raise ValueError(f"{text!r}: {error}; {{{{ and }}}} stand for braces") from None
     if len(parts) == 1 and parts[0][0] == "" and parts[0][1] is not None and not (parts[0][2] or parts[0][3]):
         return computed(parts[0][1], names)
     return "".join(_part(*part, names) for part in parts)

@@ -112,17 +112,17 @@ def _problem(item: Any, spot: ErrorSpot) -> str:
         return _no_branch(item, spot)
     base, _, ending = kind.rpartition("_")
     if ending in {"type", "parsing"} and base in TYPES:
-        return f"has to be {TYPES[base]}{_keys_of(base, spot)} (got {_shown(value)}){_instead(item, spot)}"
+        return f"has to be {TYPES[base]}{_keys_of(base, spot)} (got {shown(value)}){_instead(item, spot)}"
     if kind == "string_pattern_mismatch":
         pattern = item["ctx"]["pattern"]
-        return f"has to be {WORDS.get(pattern, f'text like {pattern}')} (got {_shown(value)})"
+        return f"has to be {WORDS.get(pattern, f'text like {pattern}')} (got {shown(value)})"
     if kind == "string_too_long":
-        return f"has to have at most {item['ctx']['max_length']} characters (got {_shown(value)})"
+        return f"has to have at most {item['ctx']['max_length']} characters (got {shown(value)})"
     if kind == "literal_error":
         words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
-        return f"{_sentence(item['msg'])} (got {_shown(value)}){near_miss(value, words)}"
+        return f"{_sentence(item['msg'])} (got {shown(value)}){near_miss(value, words)}"
     return _sentence(item["msg"]) + (
-        f" (got {_shown(value)})" if not isinstance(value, dict | list | tuple) else ""
+        f" (got {shown(value)})" if not isinstance(value, dict | list | tuple) else ""
     )
 
 
@@ -153,7 +153,7 @@ def _no_branch(item: Any, spot: ErrorSpot) -> str:
     value = item["input"].get(key) if isinstance(item["input"], dict) else None
     if value is None:
         return f"{key} is missing: has to be one of: {', '.join(words)}"
-    return f"{key} has to be one of: {', '.join(words)} (got {_shown(value)}){near_miss(value, words)}"
+    return f"{key} has to be one of: {', '.join(words)} (got {shown(value)}){near_miss(value, words)}"
 
 
 def _branches(spot: ErrorSpot) -> tuple[type[BaseModel], ...]:
@@ -181,6 +181,7 @@ def _sentence(text: str) -> str:
 _BEGINS = {"Value error, ": "", "Input should be ": "has to be ", "Input should have ": "has to have "}
 
 
-def _shown(value: object) -> str:
-    text = str(value).lower() if isinstance(value, bool) else repr(value)  # as YAML has it
+def shown(value: object) -> str:
+    """A value as YAML has it, cut off where it is long."""
+    text = "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

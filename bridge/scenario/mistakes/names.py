@@ -220,7 +220,13 @@ class _Radios:
 def _winds(root: Written, scenario: Scenario) -> Iterator[str]:
     wind = scenario.wind
     try:
-        wind_of(scenario)
+        of_map = wind_of(scenario).map
+        if of_map is not None and not of_map.file.is_file():
+            text = f"there is no file {of_map.file}"
+            if isinstance(wind, str):
+                yield _told_of_file(root, ("wind",), wind, f"{wind}: map.file: {text}")
+            else:
+                yield _told(root, ("wind", "map", "file"), text)
     except WindError as error:
         file = wind if isinstance(wind, str) else wind.get("preset")
         path = ("wind",) if isinstance(wind, str) else ("wind", "preset")

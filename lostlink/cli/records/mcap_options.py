@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
 from pydantic import ValidationError
 
+from bridge.scenario.document.written import WrittenPlace, written_at
 from bridge.scenario.mcap import TOPICS, McapSettings
+from bridge.scenario.mistakes.explain import explained
 
 KINDS = ", ".join(TOPICS)
 
@@ -73,8 +76,8 @@ def changed(
     try:
         return McapSettings.model_validate(content)
     except ValidationError as error:
-        wrong = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
-        raise click.UsageError("; ".join(wrong)) from error
+        root = written_at(content, WrittenPlace("options", None, Path()))
+        raise click.UsageError("; ".join(explained(root, error, McapSettings))) from None
 
 
 def _pair(option: str, text: str, number: type[float] | type[int]) -> tuple[str, float]:

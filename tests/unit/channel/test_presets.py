@@ -120,6 +120,9 @@ def test_what_a_group_that_is_replaced_lacks_is_no_mistake_of_the_preset():
             {"interference": {"rejection": [[1, 2, 3]]}},
             "interference.rejection.0: has to have at most 2, and has 3",
         ),
+        ({"antenna": {"model": "pattern", "pattern": [[1, 2]]}}, "antenna.pattern.0.2: is missing"),
+        ({"propagation": None}, "propagation: has to be a mapping with model, one of free-space"),
+        ({"base_loss": None}, "base_loss: has to be a number, not null"),
         ({"polarisation": {"model": "x"}}, "polarisation.model: unknown key; allowed: cross_polar_db"),
         ({"routing": {"model": "flood"}}, "routing: flood: each hop takes time on the air"),
         (
@@ -134,6 +137,21 @@ def test_no_mistake_has_words_of_the_validation_in_it(group, told):
         presets.radio_from_mapping({"preset": "moon2020"} | group)
     assert str(caught.value).startswith(told)
     assert len(caught.value.mistakes) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("preset: [a]", "preset: no radio preset or YAML file"),
+        ("medium: {model: tdma, schedule_file: no.yaml}", "medium.schedule_file: cannot read"),
+    ],
+)
+def test_a_file_that_names_what_is_not_there_is_named_itself(tmp_path, line, told):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"offset_db: 3\n{line}\n")
+    with pytest.raises(PresetError) as caught:
+        presets.load_radio(file)
+    assert str(caught.value).startswith(f"{file}:2: {told}")
 
 
 def test_a_misspelt_key_is_not_missing_as_well():

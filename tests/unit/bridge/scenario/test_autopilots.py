@@ -67,7 +67,10 @@ def test_ports_are_those_of_each_ones_autopilot() -> None:
             " parameters.PWM_MAIN_FUNC11: UA 1 is flown by PX4: this is the airframe's, in its section px4",
         ),
         (TEXT.replace("autopilot: px4", "autopilot: px5"), "nodes.1.autopilot"),
-        (TEXT + "fdm: {px4: {imu_rate_hz: 130}}\n", "must divide imu_rate_hz, 130"),
+        (
+            TEXT + "fdm: {px4: {imu_rate_hz: 130}}\n",
+            "fdm.px4.magnetometer_rate_hz: has to divide imu_rate_hz, 130 (got 50)",
+        ),
     ],
 )
 def test_what_an_autopilot_cannot_do_is_refused_in_a_line(text: str, mistake: str) -> None:

@@ -161,5 +161,5 @@ def test_a_lost_model_is_told_and_not_sent():
 
 
 def test_rates_that_do_not_divide_that_of_the_imu_are_refused():
-    with pytest.raises(ValidationError, match="gps_rate_hz 7: must divide imu_rate_hz, 250"):
+    with pytest.raises(ValidationError, match=r"gps_rate_hz\n  has to divide imu_rate_hz, 250 \(got 7\)"):
         Px4Sensors(gps_rate_hz=7)
