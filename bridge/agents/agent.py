@@ -87,11 +87,14 @@ class Agent:
         """
         if not 0.0 < period_s < math.inf:
             raise ValueError(f"every({period_s}): a period has to be above 0 s, and finite")
-        begin_ns, period_ns = self.ua.sim_time_ns, max(SHORTEST_NS, round(period_s * 1e9))
+        begin_ns, period_ns = self.ua.sim_time_ns, max(SHORTEST_NS, period_s * 1e9)
         while True:
             yield self.ua.sim_time_ns / 1e9
-            passed = (self.ua.sim_time_ns - begin_ns) // period_ns
-            await self.sleep_until((begin_ns + (passed + 1) * period_ns) / 1e9)
+            passed_ns = self.ua.sim_time_ns - begin_ns
+            periods = int(passed_ns / period_ns)
+            while (next_ns := round(periods * period_ns)) <= passed_ns:
+                periods += 1
+            await self.sleep_until((begin_ns + next_ns) / 1e9)
 
     @property
     def directory(self) -> Path:

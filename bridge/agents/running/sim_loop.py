@@ -19,8 +19,8 @@ from collections.abc import Callable, Coroutine
 from contextvars import Context
 from typing import Any, NoReturn
 
-RESOLUTION_S = 1e-9
-"""Timers that are due within this of the loop's time are due."""
+RESOLUTION_S = 0.5e-9
+"""Timers that are due within this of the loop's time are due: times are whole nanoseconds, but for their rounding."""
 
 
 class SimTimeError(RuntimeError):
@@ -52,12 +52,13 @@ class _NumberedFuture(asyncio.Future[Any]):
 class _IdleSelector:
     """In the place of a selector: it has no files, and calls ``wait`` when the loop has nothing ready."""
 
-    def __init__(self, wait: Callable[[], object]) -> None:
+    def __init__(self, wait: Callable[[], object], has_due_timer: Callable[[], bool]) -> None:
         self._wait = wait
+        self._has_due_timer = has_due_timer
 
     def select(self, timeout: float | None) -> list[Any]:
-        """Return at once if something is ready (0), else when the next tick has come."""
-        if timeout is None or timeout > RESOLUTION_S:
+        """Return at once if something is ready (0) or a timer is due, else when the next tick has come."""
+        if timeout is None or (timeout > 0.0 and not self._has_due_timer()):
             self._wait()
         return []
 
@@ -77,7 +78,7 @@ class SimLoop(asyncio.BaseEventLoop):
         self._sim_time_ns = 0
         self._numbers = itertools.count()
         self._raised: list[asyncio.Task[Any]] = []
-        self._selector = _IdleSelector(wait)
+        self._selector = _IdleSelector(wait, self._has_due_timer)
         self._clock_resolution = RESOLUTION_S
         self.set_task_factory(self._numbered_task)  # type: ignore[arg-type]
 
@@ -132,6 +133,14 @@ class SimLoop(asyncio.BaseEventLoop):
     def keep_raised(self, task: asyncio.Task[Any]) -> None:
         """Look at it again later."""
         self._raised.append(task)
+
+    def _has_due_timer(self) -> bool:
+        """Whether asyncio takes its earliest timer for due, by the comparison that it makes itself.
+
+        By any other, a timer a nanosecond after a tick would be neither waited for nor run.
+        """
+        timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]
+        return bool(timers) and timers[0].when() < self.time() + self._clock_resolution
 
     # What BaseEventLoop leaves to its kinds.
 

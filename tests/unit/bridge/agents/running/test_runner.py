@@ -146,6 +146,25 @@ def test_a_period_shorter_than_a_tick_comes_once_per_tick(flown: list[Flown]) ->
     assert [tick for channel, tick in flown[0].sent if channel == "hasty"] == [0, 1, 2, 3, 4, 5]
 
 
+def test_any_rate_keeps_its_grid(flown: list[Flown]) -> None:
+    """Of 15 Hz every third instant is a tick: 3 * 66 666 667 ns are a nanosecond after it, and hung the run."""
+    rates_hz = range(1, 21)
+
+    class Rates(Agent):
+        async def fly(self) -> None:
+            await asyncio.gather(*map(self._beat, rates_hz))
+
+        async def _beat(self, hz: int) -> None:
+            async for _ in self.every(1 / hz):
+                self.ua.transmit(str(hz), b"")
+
+    flown.append(Flown(Rates))
+    flown[0].ticks(61)
+    for hz in rates_hz:
+        grid = [-(-20 * k // hz) for k in range(3 * hz + 1)]
+        assert [tick for channel, tick in flown[0].sent if channel == str(hz)] == grid, hz
+
+
 def test_periods_at_the_ends_of_what_numbers_can_say(flown: list[Flown]) -> None:
     class Odd(Agent):
         async def fly(self) -> None:

@@ -45,6 +45,15 @@ def test_sleep_ends_with_the_first_tick_that_is_not_earlier() -> None:
     assert live(naps) == [1, 2, 5, 25]
 
 
+@pytest.mark.parametrize(("late_ns", "tick"), [(0.0, 1), (0.4, 1), (0.6, 2), (1.0, 2), (1.1, 2)])
+def test_a_timer_just_after_a_tick_is_due_with_one_tick_or_the_next(late_ns: float, tick: int) -> None:
+    async def nap(loop: SimLoop) -> int:
+        await asyncio.sleep(0.05 + late_ns * 1e-9)
+        return loop.sim_time_ns // TICK_NS
+
+    assert live(nap) == tick
+
+
 def test_a_period_of_one_tick_never_misses_one() -> None:
     async def beat(loop: SimLoop) -> list[int]:
         beats = []
