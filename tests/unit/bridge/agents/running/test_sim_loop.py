@@ -67,7 +67,7 @@ def test_a_period_of_one_tick_never_misses_one() -> None:
 
 def test_a_wait_of_nan_seconds_is_a_mistake_and_disorders_no_other() -> None:
     async def wait(_loop: SimLoop) -> None:
-        with pytest.raises(ValueError, match="a wait of nan seconds"):
+        with pytest.raises(ValueError, match=r"(?i)nan"):  # asyncio says it itself from 3.13 on
             await asyncio.sleep(math.nan)
 
     live(wait)
