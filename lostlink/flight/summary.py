@@ -87,7 +87,7 @@ def summarise(
         "bins": ledger["bins"],
         "refused": ledger["refused"],
         "air": [account.plain for account in air],
-        "warnings": [account.warning for account in air if account.warning] + _warnings(scenario, reports),
+        "warnings": [text for account in air for text in account.warnings] + _warnings(scenario, reports),
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
