@@ -69,6 +69,7 @@ def summarise(
         unfinished,
         ledger["unjudged"],
         [account.remark for account in air],
+        error=error,
     )
     return {
         "schema": SCHEMA,
