@@ -110,6 +110,11 @@ class Fleet:
         """The process without whose end the record is not complete."""
         return "" if self._parts is None else self._parts.recorder
 
+    @property
+    def is_over(self) -> bool:
+        """Whether it is known how the run ends."""
+        return self._outcome.done()
+
     def interrupt(self) -> None:
         """End the run now."""
         self._settle(Ending.INTERRUPTED)

@@ -171,6 +171,11 @@ class Flight:
         leave_terminal()
         self.signal, self._interrupted = signal.Signals(number), True
 
+    @property
+    def is_flying(self) -> bool:
+        """Whether its fleet is there, and has not come to its end."""
+        return self._fleet is not None and not self._fleet.is_over
+
     def interrupt(self) -> None:
         """End the flight now; from any thread."""
         with self._lock:
