@@ -15,6 +15,9 @@ from lostlink.flight.exits import RunOutcome
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""
 
+ITS_LOG = "; its log is "
+"""In an error, before the path of a log."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunVerdict:
@@ -50,12 +53,13 @@ def verdict_of(
         unfinished: nodes that had not finished.
         unjudged: what the run says too little about, as in `summary.json`.
         remarks: on what it was flown, for runs that came to their end.
-        error: what ended a run that broke off; its first line comes before all that follows from it.
+        error: what ended a run that broke off; its first line, without the log's path, comes before all that follows.
     """
     outcome = UNJUDGED.get(ending) or _judged(checks, judgements)
     expected, counts = list(_of_expectations(judgements)), _counts(links, outcome)
     if outcome in UNJUDGED.values():
-        told = [*(error or "").splitlines()[:1], counts, *expected]
+        cause = (error or "").splitlines()[:1]
+        told = [*(line.split(ITS_LOG)[0] for line in cause), counts, *expected]
     else:
         told = [*expected, *_of_checks(checks, unjudged), counts, *remarks]
     if unfinished:

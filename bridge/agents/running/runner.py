@@ -93,10 +93,10 @@ class AgentRunner:
         if since_s is None or now_s - since_s < BLOCKED_S:
             return ""
         self._at_work_since_s = None
-        what = f"at work on the tick at {self.ua.sim_time_ns / 1e9:.2f} s" if self._busy else "being built"
+        what = f"the tick at {self.ua.sim_time_ns / 1e9:.2f} s" if self._busy else "its constructor"
         place = whereabouts(self._thread.ident)
         where = f", in {place}" if place else ""
-        return f"it has been {what} for {now_s - since_s:.0f} s of wall time{where}; the run waits for it"
+        return f"{what} takes {now_s - since_s:.0f} s of wall time so far{where}; the run waits for it"
 
     def ask_to_stop(self) -> None:
         """Have the agent end; what it still transmits or commands on its way out has no effect."""

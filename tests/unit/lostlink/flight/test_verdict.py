@@ -77,8 +77,8 @@ def test_what_ended_a_run_comes_before_what_follows_from_it() -> None:
     error = "the agent of UA 0 failed: ValueError at a tick: oh no; its log is node-0.log\nTraceback"
     broke_off = verdict_of([GOOD], LINKS, "failed", [MISSED], ["0"], error=error)
     assert broke_off.text == (
-        "broke off: the agent of UA 0 failed: ValueError at a tick: oh no; its log is node-0.log; 25 of 50 packets "
-        "delivered; 1 of 1 expectations not met: range; node 0 had not finished"
+        "broke off: the agent of UA 0 failed: ValueError at a tick: oh no; 25 of 50 packets delivered; "
+        "1 of 1 expectations not met: range; node 0 had not finished"
     )
     interrupted = verdict_of([GOOD], LINKS, "interrupted", [MISSED])
     assert interrupted.text == "interrupted: 25 of 50 packets delivered; 1 of 1 expectations not met: range"
