@@ -24,6 +24,10 @@ FLUSH_PERIOD_S = 1.0
 """What was recorded is on disk after that, so that a killed run leaves all but its last second."""
 STALL_S = 5.0
 """A UA whose autopilot owes a packet for so long is let go: the others fly on, and the run may not repeat."""
+BLOCKED_S = 5.0
+"""An agent that is at work on a tick for so long is told to whoever watches: all the run waits for it."""
+BLOCKED_LOOK_S = 1.0
+"""How often a node looks whether its agent is."""
 SILENCE_S = 90.0
 """Without a tick for so long, the run is given up. Longer than START_S, and than STALL_S; with a longer stall in a
 scenario (fdm.stall_timeout_s), twice that."""
@@ -40,6 +44,8 @@ FLIGHT_GRACE_S = 1.5
 """For autopilots and physics."""
 ROUTER_GRACE_S = 10.0
 """For the radio to say the next word of how far its record is: it may take any time as long as it gets on."""
+FIRST_STATE_S = 2.0
+"""For a script that joins a run to get its node's state: a clock that is held brings none."""
 RADIO_ANSWER_S = 10.0
 """For the radio to answer a program beside the run that asks for its next packet."""
 COMMAND_QUERY_S = 30 * 86400.0

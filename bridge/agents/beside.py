@@ -17,7 +17,7 @@ import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -52,7 +52,7 @@ from bridge.bus.session import Sample, Session, SessionError, Stamp
 from bridge.record.input_fields import VERBS
 from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of, directory_of
-from bridge.timeouts import COMMAND_QUERY_S, RADIO_ANSWER_S
+from bridge.timeouts import COMMAND_QUERY_S, FIRST_STATE_S, RADIO_ANSWER_S
 
 log = logging.getLogger("beside")
 ASK_AGAIN_S = 0.1
@@ -155,9 +155,11 @@ class _TicksOnBus:
         self, session: Session, keys: Keys, ua: UaClient, inbox: Inbox[_Came], arrivals: Arrivals
     ) -> None:
         self.feeder = Feeder(ua)
+        self.has_begun = asyncio.Event()
+        """Set once the program has its node's state, or has nothing to wait for any more."""
         self._ua, self._arrivals = ua, arrivals
         self._before_ns = self._clock_ns = self._answered_ns = self._released_ns = -1
-        self._is_due = False
+        self._is_due = self._has_state = False
         self._settled: list[_Came] = []
         self._released: list[tuple[int, list[_Came]]] = []
         for key, handler in (
@@ -213,6 +215,7 @@ class _TicksOnBus:
         for arrival in self._arrivals.take_events():
             arrival(self._ua)
         self._ua.end()
+        self.has_begun.set()
 
     def _tick_if_due(self) -> None:
         is_answered = self._answered_ns < 0 or self._answered_ns >= self._clock_ns
@@ -225,9 +228,12 @@ class _TicksOnBus:
                 came()
         self._released = [each for each in self._released if each[0] == self._clock_ns]
         self.feeder.tick(self._clock_ns, self._arrivals.take())
+        if self._has_state:
+            self.has_begun.set()
 
     def _state_came(self, sample: Sample) -> None:
         self._arrivals.state_came(decode(sample.payload.to_bytes(), AircraftState))
+        self._has_state = True
 
     def _comm_status_came(self, sample: Sample) -> None:
         payload = sample.payload.to_bytes()
@@ -289,6 +295,10 @@ async def connect_ua(
 ) -> AsyncIterator[UaClient]:
     """Join a run beside the agent of ``node``, or in place of one.
 
+    Beside an agent it begins with the node's state, as an agent on board does: ``state`` is None only where the
+    autopilot does not know yet where it is, or if no state comes within `FIRST_STATE_S` of wall time, as from a clock
+    that is held.
+
     Args:
         run: its directory, or its name if that is in `runs/`.
         node: id of the node.
@@ -313,6 +323,9 @@ async def connect_ua(
         ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
         if is_sender:
             ua.go_on_from(await _next_packet(session, keys, node))
+        else:
+            with suppress(TimeoutError):  # the clock is held, or the node is no aircraft and has nobody at it
+                await asyncio.wait_for(ticks.has_begun.wait(), FIRST_STATE_S)
         try:
             yield ua
         except Exception as error:

@@ -258,7 +258,8 @@ class UaClient(Commands):
             raise ValueError(f"radio={radio!r}: node {self.node} has {', '.join(self._others)}")
         others = self._others[radio]
         if others and to != ALL and to not in others:
-            raise ValueError(f"to={to!r}: there are {ALL} and {', '.join(others)}")
+            known = ", ".join((ALL, *others))
+            raise ValueError(f"to={to!r}: on radio {radio} node {self.node} reaches {known}")
 
     def report(self, activity: str, *, done: bool = False, failed: bool = False) -> None:
         """Say what the agent is doing.

@@ -65,6 +65,9 @@ class AgentOutlet(Outlet, Protocol):
 class NodeOutlet(Outlet, Protocol):
     """What a whole node says."""
 
+    def warn(self, text: str, sim_time_ns: int) -> None:
+        """Tell whoever watches the run, in words that name the node, what they must see; from any thread."""
+
     def state(self, state: AircraftState) -> None:
         """Publish the aircraft's state."""
 

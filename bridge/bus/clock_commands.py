@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,12 +29,19 @@ class ClockCommand:
     number: float | None = None
 
 
-def read_command(verb: str, payload: bytes) -> ClockCommand:
+def read_command(verb: str, payload: bytes, verbs: Sequence[str] = VERBS) -> ClockCommand:
     """The command in a query.
 
+    Args:
+        verb: what is asked.
+        payload: its number as text, or empty.
+        verbs: what may be asked.
+
     Raises:
-        ClockMistake: so.
+        ClockMistake: there is no such verb, or its number is wrong.
     """
+    if verb not in verbs:
+        raise ClockMistake(f"{verb!r} is none of {', '.join(verbs)}")
     text = payload[:64].decode("utf-8", errors="replace").strip()
     if verb in ("pause", "resume", "status"):
         return ClockCommand(verb)

@@ -110,6 +110,10 @@ class Keys:
         """What the node's agent says of itself."""
         return f"{self.prefix}/node/{node}/agent"
 
+    def warning(self, node: str) -> str:
+        """What somebody must see of a node while the run goes on."""
+        return f"{self.prefix}/node/{node}/warning"
+
     def logged(self, node: str, name: str) -> str:
         """A value that the node's agent logs, as JSON."""
         return f"{self.prefix}/node/{node}/log/{name}"

@@ -90,7 +90,8 @@ class ManyProcesses(Arrangement):
 
     def _listen(self, session: Session) -> None:
         keys = self._run.keys
-        for key in (keys.clock, keys.clock_end, keys.clock_pace, keys.agent("*"), keys.ending):
+        told = (keys.clock, keys.clock_end, keys.clock_pace, keys.agent("*"), keys.warning("*"), keys.ending)
+        for key in told:
             session.subscribe(key, self._inbox.push)
         if self._tidings.glance is not None:  # which costs next to nothing, in any thread
             for key in (keys.state("*"), keys.tick("links")):

@@ -51,12 +51,15 @@ class Observer:
         on_message: called with the clock, and what agents say of themselves.
         glance: given states and link reports; None: nobody looks at them, and nobody makes them.
         joins: awaited when all parts are ready, before the first tick; None: nobody joins from outside.
+        on_warning: called with what somebody must see.
+        on_warning: called with what somebody must see.
     """
 
     on_phase: Callable[[str], object]
     on_message: Callable[[Message], object]
     glance: Glance | None = None
     joins: Callable[[], Coroutine[Any, Any, None]] | None = None
+    on_warning: Callable[[str], object] = lambda _: None
 
 
 class Fleet:
@@ -106,6 +109,11 @@ class Fleet:
     def recorder(self) -> str:
         """The process without whose end the record is not complete."""
         return "" if self._parts is None else self._parts.recorder
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it is known how the run ends."""
+        return self._outcome.done()
 
     def interrupt(self) -> None:
         """End the run now."""
@@ -279,6 +287,10 @@ class Fleet:
         """How far the record is: whoever waits for it waits on."""
         self._news.set()
         self._observer.on_phase(f"the radio {header.frame_id}")
+
+    def warning(self, header: Header) -> None:
+        """What somebody must see while the run goes on."""
+        self._observer.on_warning(header.frame_id)
 
     def lost(self, text: str) -> None:
         """A part cannot go on."""

@@ -36,6 +36,9 @@ class Tidings(Protocol):
     def agent(self, node: str, status: AgentStatus) -> None:
         """What an agent says of itself."""
 
+    def warning(self, header: Header) -> None:
+        """What somebody must see while the run goes on."""
+
     def lost(self, text: str) -> None:
         """A part cannot go on, and with it the run."""
 
@@ -72,6 +75,8 @@ class SampleSorter:
                 glance.links_came(came)
         elif key.endswith("/agent"):
             self._tell(key, AgentStatus, partial(self._to.agent, self._keys.node_of(key)), came)
+        elif key.endswith("/warning"):
+            self._tell(key, Header, self._to.warning, came)
         elif key in self._takers:
             self._tell(key, *self._takers[key], came)
 

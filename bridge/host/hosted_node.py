@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from bridge.agents import agent_class
@@ -19,6 +20,7 @@ from bridge.bus.messages import AgentStatus, Header
 from bridge.host.modem_port import ModemPort
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
+from bridge.record.events import WHOSE, RunEvent
 from bridge.record.input_fields import PACKET_MAX_BYTES, PacketWay
 from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
@@ -26,7 +28,7 @@ from bridge.run.every import Every
 from bridge.run.process import current_node
 from bridge.scenario.agents import AgentConfig, FreeAgent
 from bridge.scenario.nodes import Aircraft, GroundNode
-from bridge.timeouts import FLUSH_PERIOD_S
+from bridge.timeouts import BLOCKED_LOOK_S, FLUSH_PERIOD_S
 
 if TYPE_CHECKING:
     from channel.sensing.sensor import Sensor
@@ -66,6 +68,7 @@ class HostedNode:
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
         self._outlet = outlet
+        record.on_warning = self._warn
         self.asks_dropped: Callable[[], int] = lambda: 0
         self.packets_lost: Callable[[], int] = lambda: 0
         self.call_back: Callable[[Callable[[], object]], object] = self._loop.call_soon_threadsafe
@@ -111,7 +114,23 @@ class HostedNode:
             self._record.warn,
         )
         self.node.join(self.runner, held)
+        self._look_at_agent()
         await asyncio.wrap_future(self.runner.start())
+
+    def _look_at_agent(self) -> None:
+        """Tell of an agent that the run has been waiting for, and look again in a while."""
+        if self._closed or self.runner is None:
+            return
+        if text := self.runner.blocked(monotonic()):
+            with self._named():
+                log.warning("the agent is slow: %s", text)
+                self._record.agent_blocked(text)
+        self._loop.call_later(BLOCKED_LOOK_S, self._look_at_agent)
+
+    def _warn(self, event: RunEvent) -> None:
+        """Tell whoever watches the run; from any thread."""
+        title = self._scenario.title(event.node)
+        self._outlet.warn(f"{WHOSE[event.kind]}{title}: {event.text}", event.sim_time_ns)
 
     def _sensor(self) -> Sensor | None:
         """What the agent knows of its node's RF sensor."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
-from bridge.record.events import AGENT_WARNING, OTHER_SYSTEM, Report
+from bridge.record.events import AGENT_BLOCKED, AGENT_WARNING, OTHER_SYSTEM, Report, RunEvent
 from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import Kind
@@ -28,6 +28,7 @@ class NodeRecord:
     Attributes:
         now_ns: the instant that what is written belongs to.
         replay: the inputs to repeat; None if this run repeats no other.
+        on_warning: called, in any thread, with an event that somebody must see while the run goes on.
 
     Raises:
         InputError: the inputs to repeat are not in order.
@@ -36,6 +37,7 @@ class NodeRecord:
 
     def __init__(self, run: RunDirectory, node: str, *, has_autopilot: bool = True) -> None:
         self.now_ns = 0
+        self.on_warning: Callable[[RunEvent], object] = lambda _: None
         replay = run.info.replay
         self.replay: list[RecordedInput] | None = inputs_of(Path(replay), node) if replay else None
         self._report = Report(run.path, f"node-{node}")
@@ -92,12 +94,21 @@ class NodeRecord:
 
     def warn(self, text: str) -> None:
         """The node's agent does what its author cannot want; from any thread."""
-        self._report.event(self.now_ns, self._node, AGENT_WARNING, text)
+        self._warn(AGENT_WARNING, text)
+
+    def agent_blocked(self, text: str) -> None:
+        """The node's agent is at work on a tick for long, by wall time: it changes no result."""
+        self._warn(AGENT_BLOCKED, text)
 
     def other_system(self, sysid: int) -> None:
         """The node's autopilot calls itself another system than it was told to be."""
         text = f"its autopilot calls itself system {sysid}: nothing that it says is taken"
-        self._report.event(self.now_ns, self._node, OTHER_SYSTEM, text)
+        self._warn(OTHER_SYSTEM, text)
+
+    def _warn(self, kind: str, text: str) -> None:
+        event = RunEvent(self.now_ns, self._node, kind, text)
+        self._report.event(event.sim_time_ns, event.node, event.kind, event.text)
+        self.on_warning(event)
 
     def flush(self) -> None:
         """Hand everything to the operating system."""

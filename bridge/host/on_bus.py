@@ -10,7 +10,7 @@ from functools import partial
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
 from bridge.bus.replies import reply_event
-from bridge.bus.session import Query, Sample, Session, answer, end_of_answers
+from bridge.bus.session import Query, Sample, Session, answer, end_of_answers, refuse
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node import ASKED_MAX, ENTERING_MAX, OnReply
@@ -32,9 +32,8 @@ class AskedOnBus:
     def __init__(self, session: Session, run: RunDirectory, hosted: HostedNode) -> None:
         self._keys, self._hosted = run.keys, hosted
         loop = asyncio.get_running_loop()
-        commands: Inbox[tuple[str, Query]] = Inbox(loop, self._asked, limit=ASKED_MAX)
-        for verb in VERBS:
-            session.serve(self._keys.command(hosted.id, verb), partial(_push, commands, verb))
+        commands: Inbox[Query] = Inbox(loop, self._asked, limit=ASKED_MAX)
+        session.serve(self._keys.command(hosted.id, "*"), commands.push)
         hosted.asks_dropped = lambda: commands.dropped
         packets: Inbox[Sample] = Inbox(loop, self._entered, limit=ENTERING_MAX)
         session.subscribe(self._keys.enter(hosted.id, "*", to="*", radio="*"), packets.push)
@@ -43,8 +42,11 @@ class AskedOnBus:
             looks: Inbox[Query] = Inbox(loop, partial(self._look, hosted), limit=ASKED_MAX)
             session.serve(self._keys.mavlink(hosted.id, "*"), looks.push)
 
-    def _asked(self, item: tuple[str, Query]) -> None:
-        verb, query = item
+    def _asked(self, query: Query) -> None:
+        verb = self._keys.last_chunk(str(query.key_expr))
+        if verb not in VERBS:
+            _refuse(query, f"command {verb!r} is none of {', '.join(VERBS)}")
+            return
         reply: OnReply = partial(reply_event, query, self._keys.command(self._hosted.id, verb))
         try:
             goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
@@ -72,5 +74,7 @@ class AskedOnBus:
         end_of_answers(query)
 
 
-def _push(commands: Inbox[tuple[str, Query]], verb: str, query: Query) -> None:
-    commands.push((verb, query))
+def _refuse(query: Query, text: str) -> None:
+    if not refuse(query, text.encode(), "text/plain"):
+        log.warning("%s: whoever asked is gone", query.key_expr)
+    end_of_answers(query)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from functools import partial
 from typing import Protocol
 
-from bridge.bus.clock_commands import VERBS, ClockCommand, answer, read_command, refusal
+from bridge.bus.clock_commands import ClockCommand, answer, read_command, refusal
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header
 from bridge.bus.session import Query, Session, end_of_answers, refuse
@@ -68,11 +67,11 @@ class HeldClock:
         self._reminder: threading.Thread | None = None
         self.sim_time_ns = 0
         """The latest tick."""
-        for verb in VERBS:
-            session.serve(keys.clock_command(verb), partial(self._asked, verb))
+        session.serve(keys.clock_command("*"), self._asked)
 
-    def _asked(self, verb: str, query: Query) -> None:
-        key, error = self._keys.clock_command(verb), None
+    def _asked(self, query: Query) -> None:
+        verb, error = self._keys.last_chunk(str(query.key_expr)), None
+        key = self._keys.clock_command(verb)
         try:
             self._do(read_command(verb, query.payload.to_bytes() if query.payload else b""))
         except ValueError as mistake:

@@ -101,6 +101,10 @@ class BesideBus:
         """What the node's agent is doing."""
         self._outlets[node].report(status)
 
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        """What somebody must see of the node."""
+        self._outlets[node].warn(text, sim_time_ns)
+
     def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
         """A value that the node's agent logged."""
         self._outlets[node].log(item, sim_time_ns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple, Protocol
 
 from bridge.bus.handling import PLAIN, Handling
@@ -23,6 +24,9 @@ class Listeners(Protocol):
 
     def report(self, node: str, status: AgentStatus) -> None:
         """What the node's agent is doing."""
+
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        """What somebody must see of the node."""
 
     def logged(self, node: str, item: LoggedValue, sim_time_ns: int) -> None:
         """A value that the node's agent logged."""
@@ -74,6 +78,11 @@ class CalledOutlet:
         """Report what the agent is doing."""
         self._said.append(status)
         self._loop.call_soon_threadsafe(self.pass_on)
+
+    def warn(self, text: str, sim_time_ns: int) -> None:
+        """Tell whoever watches the run what they must see."""
+        with suppress(RuntimeError):  # the loop is closed: the run is over
+            self._loop.call_soon_threadsafe(self._listeners.warning, self._node, text, sim_time_ns)
 
     def pass_on(self) -> None:
         """Pass on what the agent has said so far."""

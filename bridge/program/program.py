@@ -333,6 +333,12 @@ class Program:
         if self._bus is not None:
             self._bus.report(node, status)
 
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        """Report it."""
+        self._tell(self._keys.warning(node), Header.at(sim_time_ns, text))
+        if self._bus is not None:
+            self._bus.warning(node, text, sim_time_ns)
+
     def _free_agent_said(self, node: str, status: AgentStatus) -> None:
         self._radio.agent(node, status)
         self._tell(self._keys.agent(node), status)

@@ -26,10 +26,15 @@ DIED = "died"
 KILLED = "killed"
 """Kind of the event that a process was killed because it did not end in time: what it wrote may lack its end."""
 
+AGENT_BLOCKED = "agent_blocked"
+"""Kind of the event that an agent is at work on a tick for long by wall time, and all the run waits for it."""
 AGENT_WARNING = "agent_warning"
 """Kind of the event that an agent does what its author cannot want."""
 OTHER_SYSTEM = "other_system"
 """Kind of the event that a UA's autopilot has another system id than the UA."""
+
+WHOSE = {AGENT_WARNING: "the agent of ", AGENT_BLOCKED: "the agent of ", OTHER_SYSTEM: ""}
+"""By kind, of events that somebody must see while the run goes on: what stands before the name of the node."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,8 +163,12 @@ class _Unpacked(io.RawIOBase):
         super().close()
 
 
-def read_stream(path: Path) -> Iterator[Entry]:
+def read_stream(path: Path, *, is_whole: bool = False) -> Iterator[Entry]:
     """The entries of a stream file. A tail that was cut off (its writer was killed) ends it quietly.
+
+    Args:
+        path: of the file as it was written.
+        is_whole: its writer closed it: a tail that was cut off is damage.
 
     Raises:
         StreamError: the file is damaged.
@@ -172,15 +176,19 @@ def read_stream(path: Path) -> Iterator[Entry]:
     """
     with open_stream(path) as file:
         if not _has_start(path, file.read(len(_START))):
+            if is_whole:
+                raise StreamError(f"{path}: offset 0: damaged: it is cut off in its beginning")
             return
         offset, before_ns = len(_START), 0
         while len(head := file.read(_HEAD.size)) == _HEAD.size:
             tick_ns, length = _checked_head(path, offset, head, before_ns)
             payload = file.read(length)
             if len(payload) < length:
-                return
+                break
             yield Entry(tick_ns, payload)
             offset, before_ns = offset + _HEAD.size + length, tick_ns
+        if head and is_whole:
+            raise StreamError(f"{path}: offset {offset}: damaged: it is cut off within an entry")
 
 
 class StreamFollower:

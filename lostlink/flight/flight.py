@@ -56,6 +56,9 @@ class Watcher(Protocol):
     def on_error(self, text: str) -> None:
         """Something went wrong."""
 
+    def on_warning(self, text: str) -> None:
+        """What somebody must see while the run goes on."""
+
     def on_news(self, text: str) -> None:
         """How far the end of the record is."""
 
@@ -78,6 +81,9 @@ class Silent:
         """Pass over it."""
 
     def on_error(self, text: str) -> None:
+        """Pass over it: the summary has it."""
+
+    def on_warning(self, text: str) -> None:
         """Pass over it: the summary has it."""
 
     def on_news(self, text: str) -> None:
@@ -165,6 +171,11 @@ class Flight:
         leave_terminal()
         self.signal, self._interrupted = signal.Signals(number), True
 
+    @property
+    def is_flying(self) -> bool:
+        """Whether its fleet is there, and has not come to its end."""
+        return self._fleet is not None and not self._fleet.is_over
+
     def interrupt(self) -> None:
         """End the flight now; from any thread."""
         with self._lock:
@@ -188,7 +199,8 @@ class Flight:
             self._watcher.on_message(message)
 
         joins = self._view_joins if self.view is not None else None
-        observer = Observer(self._watcher.on_phase, on_message, self._watcher.glance, joins)
+        watcher = self._watcher
+        observer = Observer(watcher.on_phase, on_message, watcher.glance, joins, watcher.on_warning)
         fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudy)
         if takes_signals:
             self._pass_signals_to(fleet)

@@ -94,6 +94,10 @@ class Progress:
         """Show what went wrong, also if quiet."""
         click.echo(f"lostlink: {text}", err=True)
 
+    def on_warning(self, text: str) -> None:
+        """Show what somebody must see, also if quiet."""
+        click.echo(f"warning: {text}", err=True)
+
     def on_news(self, text: str) -> None:
         """Show how far something long is."""
         self._phase = text

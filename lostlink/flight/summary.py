@@ -10,7 +10,7 @@ from typing import Any
 from bridge.radio.ledger_file import BINS_OF_TRANSMISSIONS, LEDGER
 from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
-from bridge.record.events import AGENT_WARNING, OTHER_SYSTEM, Reports, read_reports
+from bridge.record.events import AGENT_BLOCKED, WHOSE, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
@@ -69,6 +69,7 @@ def summarise(
         unfinished,
         ledger["unjudged"],
         [account.remark for account in air],
+        error=error,
     )
     return {
         "schema": SCHEMA,
@@ -83,11 +84,9 @@ def summarise(
         "sim_duration_s": timing.sim_duration_s,
         "wall_duration_s": timing.wall_duration_s,
         "real_time_factor": timing.real_time_factor,
-        "links": ledger["links"],
-        "bins": ledger["bins"],
-        "refused": ledger["refused"],
+        **{key: ledger[key] for key in ("links", "bins", "refused")},
         "air": [account.plain for account in air],
-        "warnings": [account.warning for account in air if account.warning] + _warnings(scenario, reports),
+        "warnings": [text for account in air for text in account.warnings] + _warnings(scenario, reports),
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
@@ -104,12 +103,11 @@ def summarise(
 
 
 def _warnings(scenario: Scenario, reports: Reports) -> list[str]:
-    """What its nodes reported that somebody must see."""
-    whose = {AGENT_WARNING: "the agent of ", OTHER_SYSTEM: ""}
+    """What its nodes reported that somebody must see, but for what is of wall time."""
     return [
-        f"{whose[event.kind]}{scenario.title(event.node)}: {event.text}"
+        f"{WHOSE[event.kind]}{scenario.title(event.node)}: {event.text}"
         for event in reports.events
-        if event.kind in whose
+        if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
 
 

@@ -15,6 +15,9 @@ from lostlink.flight.exits import RunOutcome
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""
 
+ITS_LOG = "; its log is "
+"""In an error, before the path of a log."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunVerdict:
@@ -37,6 +40,8 @@ def verdict_of(
     unfinished: Sequence[str] = (),
     unjudged: Sequence[dict[str, Any]] = (),
     remarks: Sequence[str] = (),
+    *,
+    error: str | None = None,
 ) -> RunVerdict:
     """Whether packets are what the radio says, and the run what its scenario expects.
 
@@ -48,11 +53,15 @@ def verdict_of(
         unfinished: nodes that had not finished.
         unjudged: what the run says too little about, as in `summary.json`.
         remarks: on what it was flown, for runs that came to their end.
+        error: what ended a run that broke off; its first line, without the log's path, comes before all that follows.
     """
     outcome = UNJUDGED.get(ending) or _judged(checks, judgements)
-    told = [*_of_expectations(judgements), *_of_checks(checks, unjudged, outcome), _counts(links, outcome)]
-    if outcome not in UNJUDGED.values():
-        told += remarks
+    expected, counts = list(_of_expectations(judgements)), _counts(links, outcome)
+    if outcome in UNJUDGED.values():
+        cause = (error or "").splitlines()[:1]
+        told = [*(line.split(ITS_LOG)[0] for line in cause), counts, *expected]
+    else:
+        told = [*expected, *_of_checks(checks, unjudged), counts, *remarks]
     if unfinished:
         told.append(f"node{'s' * (len(unfinished) > 1)} {', '.join(unfinished)} had not finished")
     return RunVerdict(outcome, f"{outcome.word}: {'; '.join(told)}")
@@ -72,11 +81,7 @@ def _of_expectations(judgements: Sequence[Judgement]) -> Iterator[str]:
         yield f"{len(judgements)} expectations met"
 
 
-def _of_checks(
-    checks: Sequence[dict[str, Any]], unjudged: Sequence[dict[str, Any]], outcome: RunOutcome
-) -> Iterator[str]:
-    if outcome in UNJUDGED.values():
-        return
+def _of_checks(checks: Sequence[dict[str, Any]], unjudged: Sequence[dict[str, Any]]) -> Iterator[str]:
     failed = [f"{check['name']} (chance {check['chance']:.2g})" for check in checks if not check["passed"]]
     if failed:
         yield f"{len(failed)} of {len(checks)} checks against the model: {', '.join(failed)}"

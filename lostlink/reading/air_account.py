@@ -22,6 +22,7 @@ from lostlink.reading.air import (
 )
 from lostlink.reading.capacity import Capacity, SharedBy, rate_text
 from lostlink.reading.rows import RUN_ENDED, DeliveryRows
+from lostlink.reading.too_long import TooLong, too_long_of
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
@@ -51,6 +52,7 @@ class AirAccount:
         received_most_bps: payload that one node received in its busiest such period.
         received_most_node: that node; that with the most for its bit rate.
         received_most_share: the same over the bit rate of its radio.
+        too_long: packets that were too long to be on the air, by node.
     """
 
     radio: str
@@ -73,6 +75,7 @@ class AirAccount:
     received_most_bps: float
     received_most_node: str
     received_most_share: float
+    too_long: tuple[TooLong, ...]
 
     @property
     def is_overloaded(self) -> bool:
@@ -84,14 +87,19 @@ class AirAccount:
     @property
     def remark(self) -> str:
         """For the line of a verdict."""
-        told = f"{self._network}medium {self.medium}"
-        if not self.is_overloaded:
-            return told
-        return f"{told}, offered {self.busiest_share:.3g} times what it could carry"
+        told = [f"{self._network}medium {self.medium}"]
+        if self.is_overloaded:
+            told.append(f"offered {self.busiest_share:.3g} times what it could carry")
+        return ", ".join([*told, *(each.remark for each in self.too_long)])
 
     @property
-    def warning(self) -> str:
-        """What is likely not meant; empty if nothing is."""
+    def warnings(self) -> list[str]:
+        """What is likely not meant, a sentence each; normally none."""
+        too_long = (f"{self._network}{each.warning(self.medium)}" for each in self.too_long)
+        return [text for text in (self._overload, *too_long) if text]
+
+    @property
+    def _overload(self) -> str:
         if not self.is_overloaded or self.capacity_bps is None:
             return ""
         if self.takes_time:
@@ -177,6 +185,7 @@ def account_of(
         received_most_bps=float(received_bps[most]),
         received_most_node=rows.nodes[most],
         received_most_share=float(received_bps[most] / bit_rates_bps[most]),
+        too_long=tuple(too_long_of(rows, capacity)),
     )
 
 

@@ -13,6 +13,7 @@ from bridge.record.events import read_reports
 from bridge.record.inputs import all_inputs
 from bridge.record.names import streams_of
 from bridge.record.provenance import differences, read_provenance
+from bridge.record.streams import read_stream
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.reader import read_batches
@@ -126,11 +127,13 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
         raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
     scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
     check_ways(scenario, all_inputs(run))
+    extent = extent_of(run)
     _check_tables(run)
+    _check_streams(run, extent)
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return ReflightPlan(run, scenario, extent_of(run), tuple(remarks), _dirs_of(run))
+    return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run))
 
 
 def _check_tables(run: Path) -> None:
@@ -139,6 +142,13 @@ def _check_tables(run: Path) -> None:
         if table.is_in(run):
             for _ in read_batches(run, table):
                 pass
+
+
+def _check_streams(run: Path, extent: Extent) -> None:
+    """The same of streams; of a run that was killed they may end anywhere."""
+    for stream in streams_of(run):
+        for _ in read_stream(stream.path(run), is_whole=not extent.was_cut):
+            pass
 
 
 def _dirs_of(run: Path) -> AutopilotDirs:

@@ -48,4 +48,4 @@ def _of_network(rows: DeliveryRows, capacity: Capacity, end_ns: int, on_air_ns: 
         series["wait_p50_s"], series["wait_p95_s"] = frames.waits(edges_ns)
         series["delay_p50_s"], series["delay_p95_s"] = delays_of(rows).over_time(edges_ns)
     times = {"sim_time_s": edges_ns[:-1] / NS_PER_S, "end_s": end_ns / NS_PER_S}
-    return {**account.plain, "warning": account.warning, **times, "series": series}
+    return {**account.plain, "warning": "; ".join(account.warnings), **times, "series": series}

@@ -56,7 +56,10 @@ class BySetting:
 
 
 def by_setting(
-    rows: Sequence[Mapping[str, Any]], labels: Sequence[str], links: Collection[str] = ()
+    rows: Sequence[Mapping[str, Any]],
+    labels: Sequence[str],
+    links: Collection[str] = (),
+    whole: Sequence[Mapping[str, Any]] | None = None,
 ) -> list[BySetting]:
     """The settings of a study, in the order of its table.
 
@@ -64,8 +67,10 @@ def by_setting(
         rows: the study's table.
         labels: its columns that say which run a row is.
         links: its columns of single links, which are left out: there may be hundreds.
+        whole: if ``rows`` are only some of the study's, all of them: what varies between these is shown.
     """
-    varies = [name for name in labels if name != SEED and len({str(row.get(name)) for row in rows}) > 1]
+    among = rows if whole is None else whole
+    varies = [name for name in labels if name != SEED and len({str(row.get(name)) for row in among}) > 1]
     columns = _columns(rows, LEFT_OUT.union(labels, links))
     groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
     for row in rows:

@@ -18,6 +18,8 @@ from lostlink.study.model import Function, StudyError, StudyFile, read_study
 from lostlink.study.table import TABLE_FILE, write_table
 
 RUNS_FOLDER = "runs"
+NOT_FLOWN = "not flown"
+"""Failure in the row of a run that left no result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ class Study:
         for case in self.cases:
             result = read_result(self.path(case))
             known = (
-                {"failure": "not flown"}
+                {"failure": NOT_FLOWN}
                 if result is None
                 else {"failure": result["failure"], **result["metrics"]}
             )

@@ -6,12 +6,12 @@ import asyncio
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from importlib.util import find_spec
 from typing import Self
 
-from bridge.bus.session import free_port, is_listened_at
+from bridge.bus.session import free_port
 from bridge.fleet.children.child import start_process
 from bridge.fleet.preflight.ports import HOST, PortUse, conflicts
 from bridge.run.directory import RunDirectory
@@ -43,9 +43,9 @@ class ViewProcess:
     def __init__(self, port: int, *, control: bool) -> None:
         check_installed()
         if port:
-            taken = conflicts([PortUse(port, "TCP", "live view", "--view-port")])
+            taken = _conflict(port)
             if taken:
-                raise NoView("\n".join(taken))
+                raise NoView(taken)
         self.port, self._control = port or free_port(HOST), control
         self._process: subprocess.Popen[bytes] | None = None
         self._is_told = False
@@ -74,28 +74,41 @@ class ViewProcess:
         with run.log_path(VIEW_LOG).open("wb") as log:
             self._process = start_process(command, log)
 
-    async def failures(self, run: RunDirectory) -> AsyncIterator[str]:
+    async def failures(self, run: RunDirectory, is_flying: Callable[[], bool]) -> AsyncIterator[str]:
         """What goes wrong with it, as soon as it does.
 
         The first is "" when it serves, and so has joined the run, or why it does not: it ended, or took VIEW_S.
+
+        Args:
+            run: that it shows.
+            is_flying: asked when it has ended as if all were well, whether the run has not.
         """
-        log = f"its log is {run.log_path(VIEW_LOG)}"
-        if await self._is_served():
+        if await self._is_served(run):
             yield ""
         else:
-            self._is_told = not self.is_open
-            what = "has ended" if self._is_told else f"is not served after {VIEW_S:g} s"
-            yield f"the view {what}: the run begins without it; {log}"
+            yield f"{self._why_not_served()}: the run begins without it; its log is {run.log_path(VIEW_LOG)}"
         while self.is_open:  # noqa: ASYNC110 - a process of subprocess has no event
             await asyncio.sleep(LOOK_AGAIN_S)
         if failure := self.failure(run):
             yield failure
+        elif not self._is_told and is_flying():
+            self._is_told = True
+            yield "the view was asked to end: the run goes on without it"
 
-    async def _is_served(self) -> bool:
+    def _why_not_served(self) -> str:
+        self._is_told = not self.is_open
+        if not self._is_told:
+            return f"the view is not served after {VIEW_S:g} s"
+        taken = _conflict(self.port)
+        return f"the view has ended, as {taken}" if taken else "the view has ended"
+
+    async def _is_served(self, run: RunDirectory) -> bool:
+        """Whether it says that it serves: that somebody listens at its port may be another than the view."""
+        log = run.log_path(VIEW_LOG)
         with suppress(TimeoutError):
             async with asyncio.timeout(VIEW_S):
                 while self.is_open:
-                    if await asyncio.to_thread(is_listened_at, f"tcp/{HOST}:{self.port}"):
+                    if self.address in await asyncio.to_thread(log.read_text, errors="replace"):
                         return True
                     await asyncio.sleep(LOOK_AGAIN_S)
         return False
@@ -128,6 +141,11 @@ class ViewProcess:
             self._process.wait(END_S)
         self._process.kill()
         self._process.wait()
+
+
+def _conflict(port: int) -> str:
+    """Who has the view's port, and what to do; "" if it is free."""
+    return "\n".join(conflicts([PortUse(port, "TCP", "live view", "--view-port")]))
 
 
 def check_installed() -> None:

@@ -13,6 +13,7 @@ import queue
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from time import monotonic
 from typing import Any
 
 from bridge.agents.agent import Agent
@@ -21,6 +22,8 @@ from bridge.agents.commands import CommandFailed
 from bridge.agents.running.feed import Arrival, Feeder
 from bridge.agents.running.sim_loop import SimLoop
 from bridge.agents.running.unawaited import told_of_unawaited
+from bridge.agents.running.whereabouts import whereabouts
+from bridge.timeouts import BLOCKED_S
 
 log = logging.getLogger("agent")
 
@@ -57,6 +60,8 @@ class AgentRunner:
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
         self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._busy = False
+        self._at_work_since_s: float | None = None
+        """Wall time at which it began what it is at; None: it waits for a tick, or has been told of."""
         self._feeder = Feeder(ua, BaseException)
         self._stopping = False
         self._loop = SimLoop(self._wait)
@@ -67,12 +72,31 @@ class AgentRunner:
 
     def start(self) -> concurrent.futures.Future[None]:
         """Build the agent; the future is done when it waits for its first tick."""
+        self._at_work_since_s = monotonic()
         self._thread.start()
         return self._built
 
     def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
         """Have the agent live through the tick ``sim_time_ns``; `on_idle` is called when it has."""
+        self._at_work_since_s = monotonic()
         self._inbox.put(_Tick(sim_time_ns, arrivals))
+
+    def blocked(self, now_s: float) -> str:
+        """What to tell of an agent that is at work on a tick, or in its constructor, for long; "" if it is not.
+
+        Once for each tick.
+
+        Args:
+            now_s: wall time, as `time.monotonic` has it.
+        """
+        since_s = self._at_work_since_s
+        if since_s is None or now_s - since_s < BLOCKED_S:
+            return ""
+        self._at_work_since_s = None
+        what = f"the tick at {self.ua.sim_time_ns / 1e9:.2f} s" if self._busy else "its constructor"
+        place = whereabouts(self._thread.ident)
+        where = f", in {place}" if place else ""
+        return f"{what} takes {now_s - since_s:.0f} s of wall time so far{where}; the run waits for it"
 
     def ask_to_stop(self) -> None:
         """Have the agent end; what it still transmits or commands on its way out has no effect."""
@@ -139,6 +163,7 @@ class AgentRunner:
 
     def _wait(self) -> None:
         """Nothing in the loop is ready: the tick is done. Returns with the next one."""
+        self._at_work_since_s = None
         if self._busy:
             self._look_at_tasks()
             self._busy = False

@@ -163,7 +163,7 @@ def run(
     with ExitStack() as beside:
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
-            flight.view = viewing.failures(flight.directory)
+            flight.view = viewing.failures(flight.directory, lambda: flight.is_flying)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)

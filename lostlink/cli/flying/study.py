@@ -30,7 +30,7 @@ from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
 from lostlink.study.settings import ALWAYS, BySetting, by_setting
-from lostlink.study.study import Standing, Study
+from lostlink.study.study import NOT_FLOWN, Standing, Study
 from lostlink.study.table import TABLE_FILE
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
@@ -69,10 +69,10 @@ def study(
 ) -> None:
     """Fly the runs of the study in FILE, and write OUT/<name>/metrics.parquet: a row per run.
 
-    At the end it shows means over the seeds for each setting, with their standard errors. A study that was ended goes
-    on when it is started again: runs that are done are not flown again. Runs whose scenario or agent (with what its
-    file imports from its folder) changed are other runs. Ends with status 0 if all runs came to their end and were
-    measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
+    At the end it shows means over the seeds for each setting, with their standard errors; if it is interrupted, of the
+    runs that are over. It goes on when it is started again: runs that are done are not flown again. Runs whose scenario
+    or agent (with what its file imports from its folder) changed are other runs. Ends with status 0 if all runs came to
+    their end and were measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
     Examples:
@@ -81,7 +81,7 @@ def study(
       lostlink study range.yaml --lanes 4 --out ~/studies
       lostlink study range.yaml --scheduler tcp://10.0.0.1:8786
     """
-    console = plain_console(stderr=as_json)
+    console, ours = plain_console(stderr=as_json), None
     for number in ending_signals():
         signal.signal(number, _interrupt)
     try:
@@ -95,31 +95,59 @@ def study(
         if left:
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
-        rows = ours.rows()
-        table = ours.write(rows)
-        if not as_json:
-            _print_settings(ours, rows)
-        console.print(f"{table}", soft_wrap=True)
-        _tell_not_passed(rows, console)
-        for mistake in ours.draw():
-            tell(mistake)
-            failed += 1
+        failed += _tell_results(ours, console, as_json=as_json)
     except (StudyError, NoSlot, OSError) as error:
         click.echo(f"lostlink: {error}", err=True)
         sys.exit(EXIT_USAGE)
     except KeyboardInterrupt as error:
-        number = error.args[0] if error.args else signal.SIGINT
+        for each in ending_signals():
+            signal.signal(each, signal.SIG_DFL)  # once more, and it ends as it is
+        if ours is not None:
+            _tell_interrupted(ours, console, as_json=as_json)
         click.echo("interrupted: start it again to go on", err=True)
-        sys.exit(128 + number)
-    if as_json:
-        for row in rows:
-            click.echo(json.dumps(plain(row)))
+        sys.exit(128 + (error.args[0] if error.args else signal.SIGINT))
     sys.exit(EXIT_FAILED if failed else 0)
 
 
-def _print_settings(ours: Study, rows: list[dict[str, Any]]) -> None:
+def _tell_results(ours: Study, console: Console, *, as_json: bool) -> int:
+    """Write and show what came of all runs, and draw the figures; gives how many of these failed.
+
+    Raises:
+        StudyError, OSError: the table cannot be written.
+    """
+    rows, failed = ours.rows(), 0
+    table = ours.write(rows)
+    if not as_json:
+        _print_settings(ours, rows, rows)
+    console.print(f"{table}", soft_wrap=True)
+    _tell_not_passed(rows, console)
+    for mistake in ours.draw():
+        tell(mistake)
+        failed += 1
+    if as_json:
+        _print_rows(rows)
+    return failed
+
+
+def _tell_interrupted(ours: Study, console: Console, *, as_json: bool) -> None:
+    """Show what came of the runs that are over; the table's file is not written, as it has them all."""
+    rows = ours.rows()
+    over = [row for row in rows if row["failure"] != NOT_FLOWN]
+    if as_json:
+        _print_rows(over)
+    elif over:
+        _print_settings(ours, over, rows)
+    console.print(f"{len(over)} of {len(rows)} runs are over; {TABLE_FILE} is written when all are")
+
+
+def _print_rows(rows: list[dict[str, Any]]) -> None:
+    for row in rows:
+        click.echo(json.dumps(plain(row)))
+
+
+def _print_settings(ours: Study, rows: list[dict[str, Any]], whole: list[dict[str, Any]]) -> None:
     """A line per setting: how many of its runs passed, and what was measured, over the seeds."""
-    settings = by_setting(rows, list(ours.cases[0].labels), ours.link_columns())
+    settings = by_setting(rows, list(ours.cases[0].labels), ours.link_columns(), whole)
     names = list(settings[0].means)
     always = [name for name in names if name in ALWAYS]
     shown = [*[name for name in names if name not in ALWAYS][: COLUMNS_MAX - len(always)], *always]

@@ -51,9 +51,8 @@ class Controls:
         Raises:
             ValueError: there is no such verb, or its argument is wrong.
         """
-        if verb not in self._verbs:
-            raise ValueError(f"{verb!r} is none of {', '.join(VERBS)}")
-        return self._verbs[verb](read_command(verb, text.encode()), now_s)
+        command = read_command(verb, text.encode(), VERBS)
+        return self._verbs[verb](command, now_s)
 
     def status(self) -> dict[str, Any]:
         """Where it is, in plain types."""

@@ -527,7 +527,7 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
         killed
     ]
     assert any(f"{killed} at" in reason for reason in run.summary["may_not_repeat"])
-    assert run.summary["verdict"].startswith(f"broke off: {counted(run)}")
+    assert run.summary["verdict"].startswith(f"broke off: {killed}; {counted(run)}")
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
 

@@ -150,7 +150,9 @@ def test_a_program_beside_the_run_sends_to_a_group_and_hears_what_is_for_its_own
         ua.on_packet(came)
         await asyncio.wait_for(begun.wait(), 30.0)
         ua.transmit("test", bytes(10), to="scouts")
-        with pytest.raises(ValueError, match=r"to='scoots': there are all and 0, g1, g2, ears, scouts$"):
+        with pytest.raises(
+            ValueError, match=r"to='scoots': on radio main node probe reaches all, 0, g1, g2, ears, scouts$"
+        ):
             ua.transmit("test", bytes(10), to="scoots")
         await asyncio.wait_for(enough.wait(), 30.0)
 

@@ -13,7 +13,16 @@ from bridge.agents.client import UaClient
 from bridge.agents.radio import QueueState, UnicastReply
 from bridge.agents.running.feed import Arrivals
 from bridge.bus.keys import Keys
-from bridge.bus.messages import Clock, CommandEvent, CommandGoal, Header, Message, RadioStatus, encode
+from bridge.bus.messages import (
+    AircraftState,
+    Clock,
+    CommandEvent,
+    CommandGoal,
+    Header,
+    Message,
+    RadioStatus,
+    encode,
+)
 from bridge.bus.reception import attachment
 from bridge.bus.session import Stamp
 
@@ -105,6 +114,30 @@ def test_queues_and_replies_come_with_the_packets_of_their_tick_and_before_them(
     put(bus, "clock", 5)
     put(bus, "answer", 5)
     assert ua.malformed == 1
+
+
+async def test_a_script_begins_once_it_has_the_state_of_its_node() -> None:
+    bus, ua = Bus(), UaClient("1", SimpleNamespace())  # type: ignore[arg-type]
+    at_once = SimpleNamespace(push=lambda handle: handle())
+    ticks = _TicksOnBus(bus, KEYS, ua, at_once, Arrivals())  # type: ignore[arg-type]
+    put(bus, "answer", 0)
+    put(bus, "clock", 1)
+    put(bus, "answer", 1)
+    assert not ticks.has_begun.is_set()
+    put(bus, "clock", 2)
+    bus.put(KEYS.state("1"), AircraftState(Header.at(2 * TICK_NS, "1"), latitude_deg=40.0))
+    assert not ticks.has_begun.is_set()
+    put(bus, "answer", 2)
+    assert ticks.has_begun.is_set()
+    assert ua.told.latitude_deg == 40.0
+
+
+def test_a_script_of_a_run_that_is_over_waits_for_nothing() -> None:
+    bus, ua = Bus(), UaClient("1", SimpleNamespace())  # type: ignore[arg-type]
+    at_once = SimpleNamespace(push=lambda handle: handle())
+    ticks = _TicksOnBus(bus, KEYS, ua, at_once, Arrivals())  # type: ignore[arg-type]
+    bus.put(KEYS.clock_end, Header.at(TICK_NS, ""))
+    assert ticks.has_begun.is_set()
 
 
 def put(bus: Bus, name: str, tick: int) -> None:

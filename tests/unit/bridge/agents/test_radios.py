@@ -56,7 +56,7 @@ def test_a_radio_that_is_not_there_and_a_node_that_is_not_on_its_network_are_ref
     ua = client(outlet)
     with pytest.raises(ValueError, match=r"radio='lora': node 0 has main, mesh"):
         ua.transmit("team", b"x", radio="lora")
-    with pytest.raises(ValueError, match=r"to='gcs': there are all and 1$"):
+    with pytest.raises(ValueError, match=r"to='gcs': on radio mesh node 0 reaches all, 1$"):
         ua.transmit("team", b"x", radio="mesh", to="gcs")
     with pytest.raises(ValueError, match="cannot be part of a key"):
         UaClient("0", outlet).transmit("team", b"x", radio="a/b")  # type: ignore[arg-type]
@@ -71,9 +71,11 @@ def test_a_group_is_an_addressee_where_it_has_members_and_an_unknown_one_is_told
     ua = UaClient("0", outlet, reach=reach)  # type: ignore[arg-type]
     ua.transmit("team", b"x", to="scouts")
     ua.transmit("team", b"x", to="scouts", radio="mesh")
-    with pytest.raises(ValueError, match=r"to='scoots': there are all and 1, gcs, ears, scouts$"):
+    with pytest.raises(
+        ValueError, match=r"to='scoots': on radio main node 0 reaches all, 1, gcs, ears, scouts$"
+    ):
         ua.transmit("team", b"x", to="scoots")
-    with pytest.raises(ValueError, match=r"to='ears': there are all and 1, scouts$"):
+    with pytest.raises(ValueError, match=r"to='ears': on radio mesh node 0 reaches all, 1, scouts$"):
         ua.transmit("team", b"x", to="ears", radio="mesh")
     assert outlet.sent == [("scouts", "team", 0, "main"), ("scouts", "team", 1, "mesh")]
 

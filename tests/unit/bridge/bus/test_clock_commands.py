@@ -38,6 +38,8 @@ def test_what_is_asked(verb: str, payload: bytes, command: ClockCommand) -> None
         ("step", b"-1", "above 0"),
         ("step", b"inf", "at most 3600"),
         ("step", b"nan", "above 0"),
+        ("seek", b"5", "'seek' is none of pause, resume, step, speed, status"),
+        ("*", b"", "is none of pause"),
     ],
 )
 def test_mistakes_are_told(verb: str, payload: bytes, what: str) -> None:

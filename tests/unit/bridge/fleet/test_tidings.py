@@ -18,6 +18,7 @@ TOLD: list[tuple[str, Message]] = [
     (KEYS.clock_pace, Clock(Header.at(2, ""), paused=True)),
     (KEYS.agent("1"), AgentStatus(Header.at(3, ""), "holds")),
     (KEYS.ending, Header.at(4, "half")),
+    (KEYS.warning("1"), Header.at(4, "UA 1: look")),
     (KEYS.clock_end, Header.at(5, "")),
 ]
 
@@ -28,7 +29,7 @@ class Told(SimpleNamespace):
     def __init__(self, glance: Glance | None) -> None:
         self.heard: list[Any] = []
         keep = self.heard.append
-        super().__init__(glance=glance, pace=keep, end=keep, ending=keep, lost=keep)
+        super().__init__(glance=glance, pace=keep, end=keep, ending=keep, lost=keep, warning=keep)
 
     def agent(self, node: str, status: AgentStatus) -> None:
         self.heard.append((node, status))

@@ -17,9 +17,13 @@ class Said:
 
     def __init__(self) -> None:
         self.reports: list[AgentStatus] = []
+        self.warnings: list[tuple[int, str]] = []
 
     def report(self, status: AgentStatus) -> None:
         self.reports.append(status)
+
+    def warn(self, text: str, sim_time_ns: int) -> None:
+        self.warnings.append((sim_time_ns, text))
 
 
 async def test_the_death_of_its_daemon_is_reported_as_a_failure(tmp_path: Path) -> None:
@@ -31,6 +35,20 @@ async def test_the_death_of_its_daemon_is_reported_as_a_failure(tmp_path: Path) 
     (said,) = outlets.reports
     assert said.failed
     assert said.activity == "its aircraft bridge cannot go on: a defect"
+    aircraft.close()
+
+
+async def test_an_autopilot_of_another_system_is_told_at_once(tmp_path: Path) -> None:
+    scenario, outlets = read_scenario("separation"), Said()
+    run = RunDirectory.create(tmp_path, scenario.name)
+    run.write(scenario, "tcp/127.0.0.1:1")
+    aircraft = HostedAircraft(run, scenario.ua[0], outlets)  # type: ignore[arg-type]
+    aircraft.hold(5, absent=True)
+    assert aircraft.daemon.vehicle.on_foreign is not None
+    aircraft.daemon.vehicle.on_foreign(9)
+    assert outlets.warnings == [
+        (5, "UA 0: its autopilot calls itself system 9: nothing that it says is taken")
+    ]
     aircraft.close()
 
 

@@ -11,7 +11,7 @@ import pytest
 from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Vector3
 from bridge.host.node_record import NodeRecord
 from bridge.record import names
-from bridge.record.events import Reports, RunEvent, read_reports
+from bridge.record.events import AGENT_BLOCKED, AGENT_WARNING, OTHER_SYSTEM, Reports, RunEvent, read_reports
 from bridge.record.inputs import InputError, RecordedInput, read_inputs
 from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.streams import Entry, read_stream
@@ -139,6 +139,18 @@ def test_a_reason_is_told_with_its_node_and_instant_and_counts_once(run: RunDire
         (RunEvent(25 * TICK_NS, "3", "wall_time", text),),
         (f"{text} (at 1.25 s)",),
     )
+
+
+def test_what_somebody_must_see_is_an_event_and_told_at_once(run: RunDirectory) -> None:
+    record, told = NodeRecord(run, "3"), list[RunEvent]()
+    record.on_warning = told.append
+    record.now_ns = TICK_NS
+    record.agent_blocked("it has been at work")
+    record.other_system(7)
+    record.warn("put await before it")
+    assert [event.kind for event in told] == [AGENT_BLOCKED, OTHER_SYSTEM, AGENT_WARNING]
+    record.close({}, {})
+    assert read_reports(run.path).events == tuple(told)
 
 
 def test_counters_are_flat_and_without_zeros_and_what_is_no_count(run: RunDirectory) -> None:

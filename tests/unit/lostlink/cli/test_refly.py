@@ -15,8 +15,9 @@ from click.testing import CliRunner, Result
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
-from bridge.record.names import inputs_path
+from bridge.record.names import inputs_path, streams_of
 from bridge.record.provenance import AutopilotOrigin, Provenance, write_provenance
+from bridge.record.streams import packed_path
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
@@ -79,6 +80,29 @@ def test_same_flight_is_identical(tmp_path: Path, fly: FakeFlight) -> None:
     assert (fly.seen["replay"], fly.seen["stop_ns"], fly.seen["quiet"]) == (run, None, False)
     assert fly.seen["directory"].path.parent == tmp_path / "out"
     assert fly.seen["scenario"].speed == "max"
+
+
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_a_stream_that_was_cut_off_is_told_before_anything_flies(
+    tmp_path: Path, fly: FakeFlight, is_packed: bool
+) -> None:
+    run = recorded(tmp_path, is_finished=is_packed)
+    stream = streams_of(run)[0]
+    file = packed_path(stream.path(run)) if is_packed else stream.path(run)
+    file.write_bytes(file.read_bytes()[:-5])
+    done = refly(tmp_path, run)
+    assert done.exit_code == 2
+    assert f"{stream.path(run)}: offset " in done.stderr
+    assert "damaged: it is cut off" in done.stderr
+    assert fly.seen == {}
+
+
+def test_a_stream_of_a_run_that_was_killed_may_be_cut_off(tmp_path: Path, fly: FakeFlight) -> None:
+    run = recorded(tmp_path, ending=None, is_finished=False)
+    file = streams_of(run)[0].path(run)
+    file.write_bytes(file.read_bytes()[:-5])
+    refly(tmp_path, run)
+    assert fly.seen["replay"] == run
 
 
 def test_scenario_is_the_recorded_one_but_for_speed_and_ports(tmp_path: Path, fly: FakeFlight) -> None:

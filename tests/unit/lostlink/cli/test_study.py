@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -13,7 +14,8 @@ from click.testing import CliRunner, Result
 
 from lostlink.cli.flying.study import study
 from lostlink.study.case_process import RESULT_FILE, CasePlan, read_result, write_whole
-from lostlink.study.study import Study
+from lostlink.study.study import Standing, Study
+from lostlink.study.table import TABLE_FILE
 
 FIGURES = """
 def broken(table, directory):
@@ -72,6 +74,41 @@ def test_the_means_of_each_setting_are_shown_and_not_in_json(file: Path) -> None
     assert " runs   passed    delivery " in shown
     assert "2        2   0.5 (n=1)" in shown
     assert "passed  " not in run(file, "--json").stdout
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_an_interrupted_study_shows_the_runs_that_are_over(
+    file: Path, monkeypatch: pytest.MonkeyPatch, as_json: bool
+) -> None:
+    text = file.read_text(encoding="utf-8").replace(
+        "seeds: [1, 2]", "seeds: [1, 2]\nvary: {radio: {moon: moon2020}}"
+    )
+    file.write_text(text.replace("name: mine", "name: varied"), encoding="utf-8")
+    ours = Study(file, file.parent)
+    measures = CasePlan("", (), "all").measures
+    ours.path(ours.cases[0]).mkdir(parents=True)
+    content = {
+        "failure": "",
+        "measures": measures,
+        "metrics": {"passed": True, "delivery": 0.75},
+        "timing": {},
+    }
+    write_whole(ours.path(ours.cases[0]) / RESULT_FILE, content)
+
+    def interrupted(*_: object) -> Iterator[Standing]:
+        os.kill(os.getpid(), signal.SIGINT)
+        yield Standing(1, 0, 2)
+
+    monkeypatch.setattr(Study, "fly", interrupted)
+    done = run(file, "--lanes", "1", *(["--json"] if as_json else []))
+    assert done.exit_code == 128 + signal.SIGINT
+    assert "interrupted: start it again to go on" in done.stderr
+    assert "1 of 2 runs are over" in done.output
+    if as_json:
+        assert [json.loads(line)["delivery"] for line in done.stdout.splitlines()] == [0.75]
+    else:
+        assert "0.75" in done.stdout
+    assert not (ours.directory / TABLE_FILE).exists()
 
 
 def test_json_has_null_for_what_is_no_number(file: Path) -> None:

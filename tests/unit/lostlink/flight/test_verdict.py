@@ -73,6 +73,17 @@ def test_words_and_status_follow_from_the_outcome(
     assert status_of(summary) == status
 
 
+def test_what_ended_a_run_comes_before_what_follows_from_it() -> None:
+    error = "the agent of UA 0 failed: ValueError at a tick: oh no; its log is node-0.log\nTraceback"
+    broke_off = verdict_of([GOOD], LINKS, "failed", [MISSED], ["0"], error=error)
+    assert broke_off.text == (
+        "broke off: the agent of UA 0 failed: ValueError at a tick: oh no; 25 of 50 packets delivered; "
+        "1 of 1 expectations not met: range; node 0 had not finished"
+    )
+    interrupted = verdict_of([GOOD], LINKS, "interrupted", [MISSED])
+    assert interrupted.text == "interrupted: 25 of 50 packets delivered; 1 of 1 expectations not met: range"
+
+
 def test_the_first_word_says_that_all_is_well_of_nothing_else() -> None:
     assert [outcome for outcome in RunOutcome if outcome.word.startswith("pass")] == [RunOutcome.PASS]
 

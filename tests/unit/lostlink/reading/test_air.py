@@ -206,10 +206,10 @@ def test_an_account_of_too_much_for_a_bit_rate_warns_and_says_it_in_numbers() ->
     assert account.capacity_bps == pytest.approx(64e3 * 1400 / 1408)
     assert (account.received_most_node, account.received_most_share) == ("2", pytest.approx(3.5))
     assert (account.use_share, account.delay_p95_s) == (None, None)
-    assert account.warning == (
+    assert account.warnings == [
         "the medium is ideal, where packets take no time: node 2 received 224 kbit/s over a radio of 64 kbit/s, and "
         "the nodes offered 3.52 times what the radio's bit rate carries; give it a medium: radio.medium"
-    )
+    ]
     assert account.remark == "medium ideal, offered 3.52 times what it could carry"
     json.dumps(account.plain, allow_nan=False)
 
@@ -218,7 +218,7 @@ def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None
     burst = [{"seq": seq, "length_bytes": 8008, "sim_time_ns": 15 * S, "fate": "burst"} for seq in range(15)]
     account = account_of(rows(*burst), capacity(IDEAL), 100 * S)
     assert account.busiest_share == pytest.approx(10 * account.share) == pytest.approx(15 * 8 * 8008 / 64e4)
-    assert "the nodes offered 9.6 kbit/s, 1.5 times" in account.warning
+    assert "the nodes offered 9.6 kbit/s, 1.5 times" in account.warnings[0]
     assert BUSY_NS == 10 * S
 
 
@@ -232,13 +232,39 @@ def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -
     assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.1)
     assert account.lost_waiting == (0 if fate == "delivered" else 100)
     assert account.waiting_at_end == (100 if fate == "run_ended" else 0)
-    assert ("1.43 times the 51.5 kbit/s that it carries" in account.warning) is warns
+    assert ("1.43 times the 51.5 kbit/s that it carries" in "".join(account.warnings)) is warns
     assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
+
+
+def test_packets_that_are_too_long_are_warned_of_with_what_to_do() -> None:
+    """The radio takes 200 bytes; 100 bytes and 8 of header have no room in a slot of another's."""
+    given = rows(
+        *({"rx": rx, "seq": seq, "fate": "too_long", "length_bytes": 300} for seq in (0, 1) for rx in (1, 2)),
+        *({"tx": 1, "rx": 0, "seq": seq} for seq in range(3)),
+        {"tx": 1, "rx": 0, "seq": 3, "fate": "too_long_for_a_slot", "length_bytes": 108},
+        {"tx": 1, "rx": 2, "seq": 4, "packets": 9, "fate": "transport"},
+    )
+    account = account_of(given, capacity(TDMA.replace("{", "{mtu_bytes: 200, ", 1)), S)
+    assert account.warnings == [
+        "node 0: all 2 packets that it transmitted were longer than the 200 bytes that its radio takes (mtu_bytes), "
+        "and were lost (too_long; the longest has 300 bytes): transmit less in a packet, or raise mtu_bytes",
+        "node 1: 1 of 4 packets that it transmitted were longer than the medium tdma has room for, and were lost "
+        "(too_long_for_a_slot; the longest has 100 bytes): transmit less in a packet, or give the medium more room",
+    ]
+    assert account.remark == (
+        "medium tdma, 2 of 2 packets of node 0 too long, 1 of 4 packets of node 1 too long"
+    )
+    json.dumps(account.plain)
 
 
 def test_a_network_without_packets_has_an_account() -> None:
     account = account_of(rows({"fate": "transport", "packets": 3}), capacity(TDMA), S)
-    assert (account.packets, account.offered_bps, account.capacity_bps, account.warning) == (0, 0.0, None, "")
+    assert (account.packets, account.offered_bps, account.capacity_bps, account.warnings) == (
+        0,
+        0.0,
+        None,
+        [],
+    )
     assert (account.wait_p50_s, account.use_share) == (None, 0.0)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,9 +19,11 @@ from lostlink.view.beside import ViewProcess
 SERVES = """
 import socket, sys
 with socket.create_server(("127.0.0.1", int(sys.argv[1]))) as server:
+    print(f"view: http://127.0.0.1:{{sys.argv[1]}}/", flush=True)
     sys.stdin.readline()
 sys.exit({status})
 """
+FINDS_ITS_PORT_TAKEN = "import sys; sys.stdin.readline(); sys.exit(1)"
 
 
 @pytest.fixture
@@ -29,7 +33,7 @@ def view(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Ite
     def start(command: list[str], log: Any) -> subprocess.Popen[bytes]:
         port = command[command.index("--port") + 1]
         return subprocess.Popen(
-            [sys.executable, "-c", request.param, port], stdin=subprocess.PIPE, stderr=log
+            [sys.executable, "-c", request.param, port], stdin=subprocess.PIPE, stdout=log, stderr=log
         )
 
     monkeypatch.setattr(beside, "check_installed", lambda: None)
@@ -48,22 +52,26 @@ def ends(view: ViewProcess) -> None:
 
 
 @pytest.mark.parametrize(
-    ("view", "is_failure"),
-    [(SERVES.format(status=3), True), (SERVES.format(status=0), False)],
+    ("view", "is_flying", "told"),
+    [
+        (SERVES.format(status=3), True, ["the view ended before the run; its log is {log}"]),
+        (SERVES.format(status=0), True, ["the view was asked to end: the run goes on without it"]),
+        (SERVES.format(status=0), False, []),
+    ],
     indirect=["view"],
-    ids=["failed", "was asked to end"],
+    ids=["failed", "was asked to end", "ended with the run"],
 )
-async def test_of_a_view_that_served_a_failure_is_told_once(
-    view: ViewProcess, is_failure: bool, tmp_path: Path
+async def test_of_a_view_that_served_its_end_is_told_once(
+    view: ViewProcess, is_flying: bool, told: list[str], tmp_path: Path
 ) -> None:
     run = RunDirectory.create(tmp_path, "run")
     with view:
         view.start(run)
-        failures = view.failures(run)
+        failures = view.failures(run, lambda: is_flying)
         assert await anext(failures) == ""
         ends(view)
-        text = f"the view ended before the run; its log is {run.log_path('view')}"
-        assert [failure async for failure in failures] == ([text] if is_failure else [])
+        log = run.log_path("view")
+        assert [failure async for failure in failures] == [text.format(log=log) for text in told]
         assert not view.failure(run)
 
 
@@ -72,6 +80,22 @@ async def test_a_view_that_never_served_is_told_once(view: ViewProcess, tmp_path
     run = RunDirectory.create(tmp_path, "run")
     with view:
         view.start(run)
-        told = [failure async for failure in view.failures(run)]
+        told = [failure async for failure in view.failures(run, lambda: True)]
         assert told == [f"the view has ended: the run begins without it; its log is {run.log_path('view')}"]
         assert not view.failure(run)
+
+
+@pytest.mark.parametrize("view", [FINDS_ITS_PORT_TAKEN], indirect=True)
+async def test_another_listener_at_its_port_is_not_taken_for_the_view(
+    view: ViewProcess, tmp_path: Path
+) -> None:
+    run = RunDirectory.create(tmp_path, "run")
+    with view, socket.create_server(("127.0.0.1", view.port)):
+        view.start(run)
+        first = asyncio.ensure_future(anext(view.failures(run, lambda: True)))
+        assert not (await asyncio.wait({first}, timeout=3 * beside.LOOK_AGAIN_S))[0]
+        ends(view)
+        told = await first
+        assert told.startswith(f"the view has ended, as TCP port {view.port} (live view) is in use")
+        assert "choose another with --view-port" in told
+        assert "the run begins without it" in told

@@ -222,6 +222,34 @@ def test_a_slow_agent_keeps_the_tick_open_and_nothing_else(flown: list[Flown]) -
     assert flown[0].sent == [("team", 0), *(("slow", n) for n in range(5))]
 
 
+def test_an_agent_that_blocks_is_told_of_once_a_tick_with_its_line(flown: list[Flown]) -> None:
+    at_work, go_on = threading.Event(), threading.Event()
+
+    class Blocking(Agent):
+        def on_tick(self, sim_time_ns: int) -> None:
+            at_work.set()
+            go_on.wait(10.0)
+
+    flown.append(Flown(Blocking))
+    go_on.set()
+    flown[0].ticks(2)
+    go_on.clear()
+    at_work.clear()
+    runner, now_s = flown[0].runner, time.monotonic()
+    runner.tick(2 * TICK_NS, ())
+    assert at_work.wait(10.0)
+    assert runner.blocked(now_s + 1.0) == ""
+    line = Blocking.on_tick.__code__.co_firstlineno + 2
+    place = f"in test_runner.py, line {line} (on_tick)"
+    told = runner.blocked(now_s + 7.0)
+    assert re.fullmatch(
+        rf"the tick at 0.10 s takes [67] s of wall time so far, {re.escape(place)}; the run waits for it",
+        told,
+    )
+    assert runner.blocked(now_s + 20.0) == ""
+    go_on.set()
+
+
 def test_an_agent_with_an_on_tick_of_its_own_still_transmits_its_package(flown: list[Flown]) -> None:
     class Own(Agent):
         def on_tick(self, sim_time_ns: int) -> None:

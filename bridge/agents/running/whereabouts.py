@@ -1,0 +1,27 @@
+"""In which line of its author's code an agent's thread is: for whoever waits for it."""
+
+from __future__ import annotations
+
+import sys
+import sysconfig
+import traceback
+from pathlib import Path
+from typing import Final
+
+_NOT_THEIRS: Final = (
+    "<",
+    str(Path(__file__).parents[2]),
+    *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
+)
+"""What the names of files begin with that are no agent's: Python's, those of installed packages, and ours."""
+
+
+def whereabouts(thread_id: int | None) -> str:
+    """The innermost line of an author's code in a thread, as ``agent.py, line 12 (on_tick)``; "" if there is none."""
+    frame = None if thread_id is None else sys._current_frames().get(thread_id)
+    if frame is None:
+        return ""
+    for line in reversed(traceback.extract_stack(frame)):
+        if not line.filename.startswith(_NOT_THEIRS):
+            return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+    return ""
