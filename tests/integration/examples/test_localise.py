@@ -106,15 +106,15 @@ def study_of(folder: Path, file: str, cases: list[str]) -> dict[str, dict[str, A
 
 
 @pytest.mark.long
-def test_from_two_sides_both_find_what_neither_finds_alone(tmp_path: Path) -> None:
+def test_from_either_side_alone_the_bound_is_about_twice_that_of_both_or_more(tmp_path: Path) -> None:
+    """Of the ways flown, 2.0 times in the worst of 20 seeds; errors of many draws are in the unit tests of sides."""
     rows = study_of(tmp_path, "study_sides.yaml", ["none", "perfect"])
     assert all(row["outcome"] == "pass" for row in rows.values())
-    alone, team = rows["none"], rows["perfect"]
-    assert team["told"] == 1.0
-    assert team["final_error_m"] < 30.0
-    for node in ("0", "1"):
-        assert alone[f"final_error_{node}_m"] > 45.0
-        assert alone[f"final_bound_{node}_m"] > 2.0 * alone["final_bound_m"]
+    assert rows["perfect"]["told"] == 1.0
+    for row in rows.values():
+        for node in ("0", "1"):
+            assert row[f"final_bound_{node}_m"] > 1.8 * row["final_bound_m"]
+        assert row["final_bound_m"] < 25.0
 
 
 @pytest.mark.long
