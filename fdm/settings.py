@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 
-class Settings(BaseModel):
+class FlightDynamicsPart(BaseModel):
     """A group of keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -32,7 +32,7 @@ def refused(text: str, *key: str | int) -> ValidationError:
     return ValidationError.from_exception_data("settings", [InitErrorDetails(type=kind, loc=key, input={})])
 
 
-class Truth:
+class _NoNumber:
     """true or false where a number has to be: it would count as 1 or 0, and no number is made of this."""
 
     def __init__(self, value: bool) -> None:
@@ -52,7 +52,7 @@ def without_truths(model: type[BaseModel], content: Any) -> Any:
 
 def _without_truths(value: Any) -> Any:
     if isinstance(value, bool):
-        return Truth(value)
+        return _NoNumber(value)
     if isinstance(value, list | tuple):
         return [_without_truths(each) for each in value]
     return {key: _without_truths(each) for key, each in value.items()} if isinstance(value, dict) else value

@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from fdm.config_file import read_model, unknown
 from fdm.errors import AirframeError
-from fdm.settings import Settings
+from fdm.settings import FlightDynamicsPart
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"
 """Where airframes are looked up by name."""
@@ -22,7 +22,7 @@ Sensor = Literal["rangefinder", "windvane"]
 PropertyName = Annotated[str, Field(pattern=r"^[A-Za-z_][\w./\[\]-]*$")]
 
 
-class ServoChannel(Settings):
+class ServoChannel(FlightDynamicsPart):
     """How one servo channel drives one JSBSim property: clip(sign * scale_per_us * (pwm - offset_us), range).
 
     Attributes:
@@ -52,7 +52,7 @@ class ServoChannel(Settings):
         return self
 
 
-class JsbsimConfig(Settings):
+class JsbsimConfig(FlightDynamicsPart):
     """The JSBSim side of an airframe.
 
     Attributes:
@@ -71,7 +71,7 @@ class JsbsimConfig(Settings):
     properties: dict[PropertyName, float] = Field(default_factory=dict)
 
 
-class InitialConditions(Settings):
+class InitialConditions(FlightDynamicsPart):
     """Where a UA starts, over its home.
 
     Attributes:
@@ -83,7 +83,7 @@ class InitialConditions(Settings):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 3.0
 
 
-class Px4Airframe(Settings):
+class Px4Airframe(FlightDynamicsPart):
     """What PX4 needs to know to fly an airframe.
 
     Attributes:
@@ -104,7 +104,7 @@ class Px4Airframe(Settings):
         )
 
 
-class Airframe(Settings):
+class Airframe(FlightDynamicsPart):
     """One airframe; see docs/reference/fdm-airframes.md for a worked example.
 
     Attributes:
