@@ -56,13 +56,14 @@ def of_tables(run: Run) -> Metrics:
     ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
     ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
     information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
-    two nodes at any tick.
+    two UA at any tick.
 
     Raises:
         TableError, OSError: a table is not there, or damaged.
     """
     rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
     links, ages = counts_of(rows), link_ages(times_of(rows), run.end_ns)
+    _, places = places_of(run.path, run.nodes)
     sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
     return {
         "sent": sent,
@@ -74,7 +75,7 @@ def of_tables(run: Run) -> Metrics:
         },
         "age_mean_s": _mean(ages["mean_s"]),
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
-        "separation_min_m": separation_m(places_of(run.path, run.nodes)[1].values())[0],
+        "separation_min_m": separation_m(places[ua.node] for ua in run.scenario.ua)[0],
     }
 
 
