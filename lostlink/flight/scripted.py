@@ -30,7 +30,7 @@ ScenarioLike = str | Path | Mapping[str, Any] | Scenario
 """A shipped scenario's name, a YAML file, its content as a mapping, or one that was read already."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RunResult:
     """What came of a run.
 
@@ -41,6 +41,10 @@ class RunResult:
 
     path: Path
     summary: dict[str, Any]
+
+    def __repr__(self) -> str:
+        """Short enough for what an assertion shows of it, with why it failed."""
+        return f"<RunResult {self.path.name}, {self.ending}: {self.verdict}>"
 
     @property
     def ending(self) -> str:
