@@ -155,7 +155,7 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
     position_ned_m = np.column_stack([truth[f"position_{axis}_m"] for axis in NED])
     places = {node: position_ned_m[truth["node"] == node] for node in ("0", "1")}
     nearest_m = np.linalg.norm(places["0"] - places["1"], axis=1).min()
-    assert done.stdout == f"FAILED: separation of UA: wanted at least 250 m, found {nearest_m:.4g} m\n"
+    assert done.stdout == f"FAILED: separation of UA: wanted at least 150 m, found {nearest_m:.4g} m\n"
 
 
 @pytest.mark.slow

@@ -35,14 +35,6 @@ def table(*arguments: str) -> list[dict[str, object]]:
     return rows
 
 
-@pytest.mark.slow
-@pytest.mark.long
-@pytest.mark.parametrize("line", ["standin loaded", "wander"])
-def test_a_line_of_the_benchmark_is_identical(line: str, free_slot: Callable[[int], int]) -> None:
-    [row] = table("--only", line, "--slot", str(free_slot(4)))
-    assert (row["identical"], row["remarks"]) == (1, []), row
-
-
 @pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(600)
