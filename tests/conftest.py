@@ -16,7 +16,8 @@ from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.run.px4 import find_px4
 from tests.warm import OF_NO_RUN
 
-settings.register_profile("any machine", deadline=None)
+settings.register_profile("any machine", deadline=None, max_examples=40)
+settings.register_profile("many examples", deadline=None, max_examples=1000)
 settings.load_profile("any machine")
 
 

@@ -68,6 +68,7 @@ class Command:
         cwd: its directory.
         start_new_session: whether it is out of reach of what a terminal sends.
         text: whether its outputs are text.
+        first: Python code that runs before it, in its process.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class Command:
         cwd: str | Path | None = None,
         start_new_session: bool = False,
         text: bool = False,
+        first: str = "",
     ) -> None:
         self.args = ["lostlink", *map(str, words)]
         self.returncode: int | None = None
@@ -96,7 +98,7 @@ class Command:
         _, self.stdout, self.stderr = ours
         self._told: dict[IO[Any], bytes] = {pipe: b"" for pipe in ours if pipe is not None}
         self._end, theirs = socket.socketpair()
-        order = json.dumps([self.args, str(cwd or Path.cwd()), start_new_session]).encode()
+        order = json.dumps([self.args, str(cwd or Path.cwd()), start_new_session, first]).encode()
         socket.send_fds(_nursery(), [order], [theirs.fileno(), *fds])
         theirs.close()
         for fd in opened:
@@ -170,13 +172,17 @@ def run_lostlink(
     timeout: float | None = None,
     check: bool = False,
     text: bool = True,
+    first: str = "",
 ) -> subprocess.CompletedProcess[Any]:
-    """Run a command to its end, as `subprocess.run` with its outputs captured; anew in an environment of its own."""
-    if not is_as_ever():
+    """Run a command to its end, as `subprocess.run` with its outputs captured; anew in an environment of its own.
+
+    With Python code that runs ``first`` it is forked in any case.
+    """
+    if not first and not is_as_ever():
         command = [*LOSTLINK, *map(str, words)]
         return subprocess.run(command, capture_output=True, cwd=cwd, timeout=timeout, check=check, text=text)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    begun = Command(*words, cwd=cwd, text=text, **pipes)  # type: ignore[arg-type]
+    begun = Command(*words, cwd=cwd, text=text, first=first, **pipes)  # type: ignore[arg-type]
     try:
         out, err = begun.communicate(timeout)
     except BaseException:
@@ -266,7 +272,7 @@ def _tell(whoever: socket.socket, number: int) -> None:
 
 def _play(order: bytes, fds: list[int]) -> int:
     """Be the command: with its files and directory, and with the end that any Python has."""
-    words, cwd, session = json.loads(order)
+    words, cwd, session, first = json.loads(order)
     for standard, fd in enumerate(fds[1:]):
         os.dup2(fd, standard)
     os.closerange(3, 1 << 10)
@@ -274,6 +280,7 @@ def _play(order: bytes, fds: list[int]) -> int:
         os.setsid()
     os.chdir(cwd)
     sys.argv = words
+    exec(first, {})
     from lostlink.cli.entry import main as command
 
     try:

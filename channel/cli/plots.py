@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from channel.checks import FloatArray
 from channel.config import PayloadLength, RadioConfig
-from channel.fit.flight_log import FlightLog
 from channel.link.gain_law import chance_of_less
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
+
+if TYPE_CHECKING:
+    from channel.fit.flight_log import FlightLog
 
 BIN_WIDTH_M = 20.0
 GAINS_DB = (-80.0, 40.0)

@@ -129,7 +129,7 @@ def numbers(state):
 
 
 @given(st.lists(messages(tuple(sorted(_DECODERS)), wild=True), max_size=12))
-@settings(max_examples=400)
+@settings(max_examples=120)
 def test_state_takes_any_values_and_is_never_infinite(raws):
     telemetry = Telemetry(1)
     for now, frame in enumerate(frames_of(raws)[0]):

@@ -29,7 +29,7 @@ from tests.unit.aps.vehicle.peer import SYSID, Bench, KeepingAutopilot, packed
 CPU_S = float(os.environ.get("LOSTLINK_FUZZ_CPU_S", "0"))
 pytestmark = pytest.mark.timeout(120 + 30 * CPU_S)
 SEARCH = settings(
-    max_examples=20,
+    max_examples=12,
     stateful_step_count=30,
     database=None,
     deadline=None,

@@ -73,7 +73,7 @@ STARTS = st.sampled_from(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.one_of(MESSAGES, STARTS, st.integers(1, 300)), max_size=40))
 def test_whatever_the_autopilot_says_commands_end_and_nothing_escapes(steps: list[Any]) -> None:
     bench = Bench()
@@ -96,7 +96,7 @@ def test_whatever_the_autopilot_says_commands_end_and_nothing_escapes(steps: lis
     assert not bench.commands.busy
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2000), st.binary(max_size=239)), max_size=200))
 def test_pieces_of_a_file_that_never_fit_are_not_kept_for_ever(pieces: list[tuple[int, bytes]]) -> None:
     read = ReadExecution(Bench().vehicle.telemetry.state(0), "x")
@@ -121,7 +121,7 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.sampled_from(sorted(VERBS)), st.data())
 def test_any_arguments_from_outside_are_taken_or_refused_with_a_value_error(verb: str, data: Any) -> None:
     names = st.sampled_from([*argument_names(verb), "on_done", "state"])
@@ -137,7 +137,7 @@ def test_any_arguments_from_outside_are_taken_or_refused_with_a_value_error(verb
     assert bench.vehicle.callbacks.errors == 0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.binary(max_size=2000), st.integers(1, 50))
 def test_bytes_of_any_kind_on_the_autopilots_link_leave_the_vehicle_alive(noise: bytes, chunk: int) -> None:
     bench = Bench()

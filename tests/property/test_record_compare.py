@@ -35,7 +35,7 @@ CHANGES = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(CHANGES)
 def test_earliest_changed_byte_is_found(changes: list[tuple[int, int, int, int]]) -> None:
     ticks: dict[tuple[int, int, int], int] = {}

@@ -97,6 +97,7 @@ def test_any_datagram_is_a_frame_or_is_counted(datagram: bytes) -> None:
                 x,
             )
         ),
+        max_leaves=20,
     )
 )
 def test_any_json_is_a_frame_or_nothing(data: Any) -> None:
@@ -123,7 +124,6 @@ def test_numbers_are_the_doubles_nearest_to_their_decimals(
 
 
 @given(vector, vector, vector, vector, st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4))
-@settings(max_examples=150)
 def test_servo_outputs_stay_in_range_for_any_motion(
     gyro: list[float], force: list[float], position: list[float], velocity: list[float], attitude: list[float]
 ) -> None:
@@ -187,7 +187,7 @@ def test_any_bytes_from_the_client_are_survived(chunks: list[bytes]) -> None:
     st.lists(any_float, min_size=7, max_size=7),
     st.booleans(),
 )
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_any_command_is_acknowledged_once(number: int, parameters: list[float], armed: bool) -> None:
     made = autopilot(in_guided=armed)
     heard = say(made, dialect.MAVLink_command_long_message(1, 1, number, 0, *parameters))
@@ -208,7 +208,7 @@ def test_any_request_for_files_and_logs_is_survived(payload: bytes, log: int, of
     st.sampled_from([0, 1, 3, 5, 6, 7, 8, 9, 11, 21]),
     st.lists(any_float, min_size=11, max_size=11),
 )
-@settings(max_examples=200)
+@settings(max_examples=80)
 def test_any_position_target_is_survived(mask: int, frame: int, values: list[float]) -> None:
     made = autopilot(in_guided=True)
     made.vehicle.leave_ground()

@@ -114,7 +114,7 @@ StartRun = Callable[..., Run]
 
 @pytest.fixture
 def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[StartRun]:
-    """Start a run, ``anew`` or forked; whatever is left of it in the end is killed."""
+    """Start a run, ``anew`` or forked, with code that runs ``first`` there; whatever is left in the end is killed."""
     started: list[Run] = []
 
     def start(
@@ -126,6 +126,7 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
         figure: bool = False,
         processes: str = "auto",
         anew: bool = False,
+        first: str = "",
     ) -> Run:
         slot = free_slot(2)
         file = tmp_path / f"scenario-{len(started)}.yaml"
@@ -137,8 +138,8 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
         pipes = {"stdout": subprocess.PIPE, "stderr": errors}
         process = (
             subprocess.Popen([*LOSTLINK, *words], **pipes, start_new_session=True)
-            if anew or not is_as_ever()
-            else Command(*words, **pipes, start_new_session=True)
+            if anew or not (first or is_as_ever())
+            else Command(*words, **pipes, start_new_session=True, first=first)
         )
         started.append(Run(out, process, slot))
         return started[-1]

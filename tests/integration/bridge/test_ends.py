@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import os
 import pty
-import resource
 import signal
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -34,6 +32,28 @@ TICK_NS = 50_000_000
 BEFORE = "lostlink: interrupted before the run began"
 slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
+
+
+IN_SHORT = {
+    (0.05, signal.SIGINT, "one"),
+    (0.3, signal.SIGTERM, "one"),
+    (0.5, signal.SIGINT, "one"),
+    (1.0, signal.SIGTERM, "one"),
+    (2.0, signal.SIGINT, "one"),
+    (0.3, signal.SIGINT, "many"),
+    (1.0, signal.SIGINT, "many"),
+    (2.0, signal.SIGTERM, "many"),
+}
+"""Of the moments at which a signal comes: each at least once, each signal and way to run at several."""
+
+
+def moments() -> Iterator[object]:
+    """After how long, s, which signal comes to which kind of run."""
+    numbers, kinds = (signal.SIGINT, signal.SIGTERM), ("one", "many")
+    for case in product((0.05, 0.3, 0.5, 1.0, 2.0, 5.0, 20.0), numbers, kinds):
+        is_slow = case[:2] == (5.0, signal.SIGINT)
+        mark = [] if case in IN_SHORT else [pytest.mark.slow] if is_slow else [pytest.mark.long]
+        yield pytest.param(*case, marks=mark)
 
 
 def ports_of(run: Run) -> list[tuple[socket.SocketKind, int]]:
@@ -71,18 +91,7 @@ def assert_tables_are_whole(run: Run) -> int:
     return len(ticks)
 
 
-@both
-@pytest.mark.parametrize(
-    ("after_s", "number"),
-    [
-        *product((0.05, 0.3, 0.5, 1.0, 2.0), (signal.SIGINT, signal.SIGTERM)),
-        slow(5.0, signal.SIGINT),
-        *(
-            pytest.param(after_s, number, marks=pytest.mark.long)
-            for after_s, number in ((5.0, signal.SIGTERM), (20.0, signal.SIGINT), (20.0, signal.SIGTERM))
-        ),
-    ],
-)
+@pytest.mark.parametrize(("after_s", "number", "processes"), [*moments()])
 def test_a_signal_ends_a_run_at_any_time(
     start_run: StartRun, processes: str, number: signal.Signals, after_s: float
 ) -> None:
@@ -108,7 +117,6 @@ def test_a_signal_ends_a_run_at_any_time(
 EARLY = """\
 import os, signal
 from bridge.run.directory import RunDirectory
-from lostlink.cli import entry
 from lostlink.flight.flight import Flight
 
 doing = {doing}
@@ -119,18 +127,19 @@ def interrupted(*arguments, **more):
     return doing(*arguments, **more)
 
 {doing} = interrupted
-entry.main()
 """
 
 
-@pytest.mark.parametrize("doing", ["RunDirectory.__init__", "Flight.__init__", "Flight.fly"])
+@pytest.mark.parametrize(
+    "doing",
+    ["RunDirectory.__init__", pytest.param("Flight.__init__", marks=pytest.mark.long), "Flight.fly"],
+)
 def test_a_signal_just_before_the_flight_ends_it_with_a_summary(
     tmp_path: Path, free_slot: Callable[[int], int], doing: str
 ) -> None:
     """The run's directory is there already, and no event loop yet."""
-    command = [sys.executable, "-c", EARLY.format(doing=doing), "run"]
-    command += ["--out", str(tmp_path), "--first-slot", str(free_slot(2))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    options = ["--out", str(tmp_path), "--first-slot", str(free_slot(2))]
+    done = run_lostlink("run", *options, timeout=60, first=EARLY.format(doing=doing))
     assert done.returncode == 128 + signal.SIGTERM, done.stderr
     assert done.stdout.splitlines()[-1].startswith("interrupted: no link was recorded")
     (run,) = tmp_path.iterdir()
@@ -139,7 +148,6 @@ def test_a_signal_just_before_the_flight_ends_it_with_a_summary(
 
 LATE = """\
 import os, signal
-from lostlink.cli import entry
 from lostlink.flight.flight import Flight
 
 late = Flight.{step}
@@ -149,7 +157,6 @@ def interrupted(self):
     return late(self)
 
 Flight.{step} = interrupted
-entry.main()
 """
 
 
@@ -159,9 +166,8 @@ entry.main()
 def test_a_signal_while_the_record_is_written_is_told_with_what_to_do(
     tmp_path: Path, free_slot: Callable[[int], int], step: str, doing: str
 ) -> None:
-    command = [sys.executable, "-c", LATE.format(step=step), "run", "--duration", "0.5", "--no-figure"]
-    command += ["--out", str(tmp_path), "--first-slot", str(free_slot(2))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    options = ["--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--duration", "0.5", "--no-figure"]
+    done = run_lostlink("run", *options, timeout=60, first=LATE.format(step=step))
     (run,) = tmp_path.iterdir()
     assert done.returncode == 128 + signal.SIGINT
     export = f"lostlink export {run} --parquet --mcap"
@@ -224,12 +230,9 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
 
 
 TAKEN_LATER = """\
-import sys
 import bridge.fleet.preflight.preflight as preflight
-from lostlink.cli.main import main
 
 preflight.conflicts = lambda uses: []  # the port is taken by the time that it is bound
-main()
 """
 
 
@@ -240,9 +243,7 @@ def test_a_port_that_is_taken_after_the_look_at_it_is_no_start(
     slot = free_slot(2)
     options = [f"--out={tmp_path}", f"--first-slot={slot}", f"--processes={processes}"]
     with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):
-        done = subprocess.run(
-            [sys.executable, "-c", TAKEN_LATER, "run", *options], capture_output=True, text=True, timeout=60
-        )
+        done = run_lostlink("run", *options, timeout=60, first=TAKEN_LATER)
     assert done.returncode == 2
     assert f"TCP port {6760 + 10 * slot} (MAVLink server of UA 0) is in use by python" in done.stderr
     (directory,) = tmp_path.iterdir()
@@ -470,15 +471,16 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     assert_nothing_is_left(run, children)
 
 
+FULL = """\
+from resource import RLIMIT_FSIZE, getrlimit, setrlimit
+setrlimit(RLIMIT_FSIZE, (80_000, getrlimit(RLIMIT_FSIZE)[1]))
+"""
+
+
 @both
 def test_a_full_disk_ends_the_run_and_says_so(start_run: StartRun, processes: str) -> None:
     """No file of the run may have more than so many bytes, which its tables and streams soon want."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, limits[1]))
-    try:
-        run = start_run("--no-mcap", processes=processes, duration_s=LONG_S, anew=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    run = start_run("--no-mcap", processes=processes, duration_s=LONG_S, first=FULL)
     run.wait_for("sim time")
     children = run.children()
     assert run.finish() == 1, run.output.decode()

@@ -130,6 +130,15 @@ def start_any(start, request):
     return partial(start, workers=request.param)
 
 
+mostly_in_one = pytest.mark.parametrize(
+    "start_any",
+    [1, pytest.param(2, marks=pytest.mark.long)],
+    ids=["one process", "two workers"],
+    indirect=True,
+)
+"""For what a worker does by itself, as an exchange does."""
+
+
 def fly_together(running, frames):
     """Send and receive for every client in turn: nobody is answered before the others have asked."""
     last = {}
@@ -204,8 +213,10 @@ def watch_the_window(exchange):
     return apart_ns
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize("speed", [math.inf, 1.0])
+@pytest.mark.parametrize(
+    ("speed", "workers"),
+    [(math.inf, 1), (1.0, 1), pytest.param(math.inf, 2, marks=pytest.mark.long), (1.0, 2)],
+)
 def test_eight_ua_of_mixed_types_and_rates_stay_within_the_window(start, workers, speed):
     names, rates = ("f450", "hexa550", "aerosonde", "f450"), (400, 800, 1200, 400, 50, 300, 800, 400)
     specs = [AircraftSpec(i, load_airframe(names[i % 4]), HOME, 0) for i in range(8)]
@@ -317,6 +328,7 @@ def rising(count):
     return (1500 + 5 * count,) * 4 + (0,) * 12
 
 
+@mostly_in_one
 def test_in_parallel_coupling_the_autopilot_gets_the_state_at_boot_and_then_what_it_gets_serially(start_any):
     frames = {}
     for coupling in ("serial", "parallel"):
@@ -389,6 +401,7 @@ def test_in_parallel_coupling_a_lost_answer_takes_the_lead_with_it(start):
     assert client.silent()
 
 
+@mostly_in_one
 def test_in_parallel_coupling_an_autopilot_that_boots_anew_starts_in_the_same_way(start_any):
     running = start_any(coupling="parallel")
     old = running.clients[0]
@@ -398,6 +411,7 @@ def test_in_parallel_coupling_an_autopilot_that_boots_anew_starts_in_the_same_wa
     old.sock.close()
 
 
+@mostly_in_one
 def test_in_parallel_coupling_a_mute_autopilot_is_let_go_and_flies_on_one_frame_behind(start_any):
     running = start_any(ids=(0, 1), coupling="parallel", stall_timeout_s=0.2)
     fly_together(running, 10)
@@ -712,6 +726,7 @@ def test_pause_step_and_resume_from_another_thread(start_any):
     assert [event.kind for event in running.events] == [EventKind.JOINED] * 2
 
 
+@mostly_in_one
 def test_held_ticks_of_several_ua_wait_for_their_release(start_any):
     running = start_any(ids=(0, 1), hold_ticks=True, tick_period_ns=5_000_000)
     for client in running.clients.values():

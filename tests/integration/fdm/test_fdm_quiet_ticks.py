@@ -6,6 +6,7 @@ import socket
 import struct
 import threading
 import time
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -25,6 +26,11 @@ MS = 1_000_000
 WAIT_S = 20.0
 RESEND_S = 1.1
 LAST_TICK_NS = 200 * MS
+long = partial(pytest.param, marks=pytest.mark.long)
+couplings_and_workers = pytest.mark.parametrize(
+    ("coupling", "workers"), [("serial", 1), ("parallel", 1), long("serial", 2), ("parallel", 2)]
+)
+"""Workers have the same exchange, each with its own part of the fleet."""
 
 
 class Pilot(threading.Thread):
@@ -148,8 +154,7 @@ def dawdle(count):
     return 0.002 if count % 3 == 0 else 0.0
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+@couplings_and_workers
 @pytest.mark.parametrize("rates_hz", [(400,), (400, 800, 500)], ids=["one UA", "three UA"])
 def test_a_tick_finds_all_that_was_said_up_to_it_and_nothing_comes_while_it_is_held(
     fly, coupling, workers, rates_hz
@@ -223,8 +228,17 @@ def test_a_tick_that_is_held_for_long_answers_no_repeat_and_stalls_nobody(fly, c
         assert len(pilot.answers) in (80, 81)  # of 0.2 s, and the one at boot
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize(("coupling", "last_packet"), [("serial", 19), ("parallel", 20), ("parallel", 21)])
+@pytest.mark.parametrize(
+    ("coupling", "last_packet", "workers"),
+    [
+        ("serial", 19, 1),
+        ("parallel", 20, 1),
+        ("parallel", 21, 1),
+        long("serial", 19, 2),
+        ("parallel", 20, 2),
+        long("parallel", 21, 2),
+    ],
+)
 def test_an_autopilot_that_hangs_just_before_a_tick_is_let_go(fly, coupling, workers, last_packet):
     """Its frame for 50 ms is answered, but the packet after that never comes."""
     ticks = []
@@ -328,7 +342,7 @@ def test_a_start_without_somebody_is_told_before_the_first_tick(fly, workers):
     assert order == [0, 10 * MS, 20 * MS]
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, long(2)])
 def test_time_in_which_the_exchange_did_not_run_yet_makes_nobody_absent(fly, workers):
     def late(ports):
         time.sleep(1.2)  # longer than the start timeout
@@ -338,8 +352,7 @@ def test_time_in_which_the_exchange_did_not_run_yet_makes_nobody_absent(fly, wor
     assert_both_joined_at_0(events)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+@couplings_and_workers
 def test_whose_packet_is_there_when_the_start_timeout_passes_is_not_absent(fly, workers, coupling):
     _, events, _, _ = fly(
         specs_of(2),

@@ -26,6 +26,7 @@ import pytest
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
         ("bridge.record.inputs", "pymavlink pydantic zenoh"),
+        ("channel.cli.plots", "scipy matplotlib"),
         ("standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],
 )

@@ -31,11 +31,11 @@ def fates(outcomes: list[Outcome]) -> list[AirFate]:
 def carried(medium: Elrs, node: int, until_s: int) -> float:
     """User bytes per second of a node that always has something to send, in packets as long as a chunk."""
     number = came = 0
-    for at_ns in range(0, until_s * S, 10 * MS):
+    for at_ns in range(0, until_s * S, 100 * MS):  # of 838 bytes that wait 250 leave meanwhile
         for _ in range((900 - medium.queued(node)[1]) // CHUNK_BYTES):
             medium.offer(AirPacket(node, number, 1 - node, CHUNK_BYTES, at_ns))
             number += 1
-        came += sum(fate.loss is None for fate in fates(medium.run(at_ns + 10 * MS - 1)))
+        came += sum(fate.loss is None for fate in fates(medium.run(at_ns + 100 * MS - 1)))
     return came * CHUNK_BYTES / until_s
 
 
@@ -123,28 +123,23 @@ def duration_s(mode: ElrsMode) -> int:
 
 
 @pytest.mark.parametrize("name", ELRS_MODES)
-def test_the_firmwares_figure_is_the_room_in_data_packets(name: str) -> None:
-    """On the air, sync and all: the data packets of a receiver that always has something to send."""
-    mode, world = ELRS_MODES[name], Listening()
-    carried(Elrs(world, ElrsSettings(mode)), 1, duration_s(mode))
-    room_bytes_per_s = world.frames[1, "data"] * mode.data_bytes / duration_s(mode)
-    assert room_bytes_per_s == pytest.approx(ROOM_BYTES_PER_S[name], rel=0.01)
-
-
-@pytest.mark.parametrize("name", ELRS_MODES)
 def test_a_stream_down_is_as_fast_as_by_the_firmwares_own_code(name: str) -> None:
     """Below the figure for the room by the 2 bytes before a chunk, the rest of its last fragment, and sync.
 
-    A sync confirms nothing: a fragment is sent again, and beside statistics that costs the chunk, or 41 rounds in vain.
+    The room is that of the data packets on the air, sync and all, of a receiver that always has something to send. A
+    sync confirms nothing: a fragment is sent again, and beside statistics that costs the chunk, or 41 rounds in vain.
     """
     mode = ELRS_MODES[name]
     alone, least, most = FIRMWARE_BYTES_PER_S[name]
     never = ElrsSettings(replace(mode, hop_slots=10**9))
     assert mode.user_bytes_per_s == pytest.approx(alone, rel=0.002)
     assert carried(Elrs(PlainWorld((0, 1)), never), 1, duration_s(mode)) == pytest.approx(alone, rel=0.01)
-    for seed in (1, 2, 3):
-        seen = carried(Elrs(PlainWorld((0, 1)), ElrsSettings(mode), seed=seed), 1, duration_s(mode))
+    for seed in (1, 2):
+        world = Listening()
+        seen = carried(Elrs(world, ElrsSettings(mode), seed=seed), 1, duration_s(mode))
         assert 0.99 * least < seen < 1.01 * most
+        room_bytes_per_s = world.frames[1, "data"] * mode.data_bytes / duration_s(mode)
+        assert room_bytes_per_s == pytest.approx(ROOM_BYTES_PER_S[name], rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["lora-333-full", "900-100-full"])
@@ -317,8 +312,8 @@ def test_a_packet_comes_in_as_many_pieces_as_it_has_chunks_however_often_they_ar
     for loss in (0.0, 0.4):
         medium = Elrs(PlainWorld((0, 1), loss=loss))
         for number in range(20):
-            medium.offer(AirPacket(0, number, 1, 130, number * 10 * S))
-        came = [one for one in fates(medium.run(200 * S)) if one.loss is None]
+            medium.offer(AirPacket(0, number, 1, 130, number * 3 * S))
+        came = [one for one in fates(medium.run(60 * S)) if one.loss is None]
         assert len(came) > 10
         assert {one.parts for one in came} == {3}
         assert max(one.attempts for one in came) > (30 if loss else 3)

@@ -112,7 +112,7 @@ def test_a_packet_to_a_group_is_on_the_air_as_one_to_all_and_has_fates_at_member
                 one.started_ns,
                 one.at_ns,
             )
-            for one in medium.run(50 * S)
+            for one in medium.run(20 * S)
             if isinstance(one, AirFate)
         ]
 

@@ -72,8 +72,10 @@ def offer(medium: AccessMedium, rate_hz: float, unicasts: bool) -> None:
             medium.offer(AirPacket(node, number, to, 50 + 30 * (number % 5), at_ns))
 
 
-@pytest.mark.parametrize("unicasts", [False, True])
-@pytest.mark.parametrize("rate_hz", [10, 60])
+@pytest.mark.parametrize(
+    ("rate_hz", "unicasts"),
+    [(10, False), (10, True), pytest.param(60, False, marks=pytest.mark.long), (60, True)],
+)
 @pytest.mark.parametrize("world", [near, at_once, hidden, far])
 @pytest.mark.parametrize("name", ["csma", "no cca", "airtime", "tdma"])
 def test_passing_changes_nothing(

@@ -61,7 +61,7 @@ def fates(outcomes: list[Outcome]) -> list[AirFate]:
 def bytes_a_second(settings: SikSettings, nodes: Sequence[int], seconds: int = 10) -> float:
     """That node 0 brings over."""
     medium = Sik(PlainWorld((0, 1)), settings, limits=UNLIMITED)
-    length_bytes = max(2, settings.air_kbps // 8)
+    length_bytes = settings.air_kbps // 2  # less than 0.1 % of what comes over
     busy(medium, nodes, length_bytes, 125 * settings.air_kbps * seconds // length_bytes)
     came = [one for one in fates(medium.run(seconds * S)) if one.packet.node == 0 and one.loss is None]
     return len(came) * length_bytes / seconds
@@ -264,7 +264,7 @@ def test_it_talks_to_its_peer_alone() -> None:
     }
 
 
-@pytest.mark.parametrize(("channels", "share"), [(50, 0.02), (10, 0.10)])
+@pytest.mark.parametrize(("channels", "share"), [(50, 0.02), pytest.param(10, 0.10, marks=pytest.mark.long)])
 def test_pairs_disturb_each_other_where_they_meet(channels: int, share: float) -> None:
     """Two networks hop in orders of their own: one half round in so many they are on one channel."""
     shares = []
@@ -311,7 +311,7 @@ def test_who_listens_before_it_talks_waits_5_ms_of_silence() -> None:
 
 
 @pytest.mark.parametrize("locked", [True, False])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.long)])
 def test_the_ledger_balances_however_it_is_run(locked: bool, seed: int) -> None:
     """Each packet has one fate per receiver, and the same whether it is run in one go or tick by tick."""
     rng = np.random.default_rng(seed)

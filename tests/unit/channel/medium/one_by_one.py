@@ -53,6 +53,6 @@ def settled(medium):
 
 
 def transmitted(medium, tx, seq, sim_time_ns, length_bytes):
-    """Send one packet to everybody and settle what can be settled."""
+    """Send one packet to everybody, or several of one instant, and settle what can be settled."""
     medium.send(medium.packets(tx=tx, seq=seq, sim_time_ns=sim_time_ns, length_bytes=length_bytes))
     return settled(medium)

@@ -91,7 +91,8 @@ def test_late_packet_uses_the_truth_of_its_own_time():
 def test_out_of_range_and_base_loss_have_their_own_cause():
     assert transmitted(pair(radio("disk"), 401.0), "0", 0, 0, 40)[0].fate is Fate.OUT_OF_RANGE
     medium = pair(radio("perfect", base_loss=0.25), 10.0)
-    fates = [transmitted(medium, "0", seq, 0, 40)[0].fate for seq in range(2000)]
+    fates = [each.fate for each in transmitted(medium, "0", range(2000), 0, 40)]
+    assert len(fates) == 2000
     assert set(fates) == {Fate.DELIVERED, Fate.BASE_LOSS}
     assert abs(fates.count(Fate.BASE_LOSS) / 2000 - 0.25) < 3.3 * math.sqrt(0.25 * 0.75 / 2000)
 
@@ -101,7 +102,7 @@ def test_monte_carlo_agrees_with_the_closed_probability(distance_m):
     paper = radio()
     medium = pair(paper, distance_m, seed=2)
     n = 2000
-    delivered = sum(transmitted(medium, "0", seq, 0, 40)[0].fate is Fate.DELIVERED for seq in range(n))
+    delivered = sum(each.fate is Fate.DELIVERED for each in transmitted(medium, "0", range(n), 0, 40))
     p = float(paper.probability_of_delivery(distance_m))
     assert abs(delivered / n - p) < 3.29 * math.sqrt(p * (1 - p) / n) + 1 / n
 

@@ -21,7 +21,7 @@ from channel.network.network import Lived, Network
 from channel.presets import load_radio
 
 TICK_NS = 50_000_000
-NODES = 14
+NODES, TICKS = 14, 16
 SLOTS = {
     "position_ned_m": [30, 10, -30],
     "power_dbm": -20,
@@ -85,7 +85,7 @@ class Flight:
         self.lived: list[Lived] = []
         self.judge_of_singles = Judge(NODES)
         singles = medium.drawing(judge=self.judge_of_singles)
-        for tick in range(24):
+        for tick in range(TICKS):
             medium.observe(names, tick * TICK_NS, places + 0.3 * tick)
             if tick == 9:
                 medium.switch_radio("4", tick * TICK_NS + TICK_NS // 3, on=False)
@@ -129,11 +129,11 @@ def test_together_or_one_by_one(radios: str, ring_m: float) -> None:
         assert found.tobytes() == wanted.tobytes()
     for judge in (together.judge, singly.judge, singly.judge_of_singles):
         assert repr(judge.verdict()) == repr(together.judge_of_singles.verdict())
-    assert sum(lived.receptions.size for lived in together.lived) == 12 * NODES * (NODES - 1)
+    assert sum(lived.receptions.size for lived in together.lived) == TICKS // 2 * NODES * (NODES - 1)
 
 
 def test_most_frames_are_foreseen() -> None:
     """Else it would be in vain."""
     [world] = Flight("wifi", Counting, 100.0).worlds
-    assert world.started == 12 * NODES
+    assert world.started == TICKS // 2 * NODES
     assert world.expected > 0.9 * world.started

@@ -53,7 +53,7 @@ def test_a_packet_to_a_group_has_a_fate_at_each_other_member(model: str, group: 
         lived = network.live(at_ns + 200 * MS)
         found.update(lived.receptions.rx.tolist())
         done += lived.done
-    lived = network.live(3 * S)
+    lived = network.live(3 * S // 2)
     found.update(lived.receptions.rx.tolist())
     done += lived.done
     others = {medium.index[node] for node in GROUPS[group]} - {1}

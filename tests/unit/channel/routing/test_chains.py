@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import pytest
 
@@ -21,6 +22,7 @@ from channel.routing.router import Forwarding, HopRouter
 from channel.routing.static import Static
 
 BIT_RATE = BitRate(64e3)
+long = partial(pytest.param, marks=pytest.mark.long)
 LENGTH_BYTES = 100
 FRAME_NS = 12_500_000
 """100 bytes at 64 kb/s."""
@@ -161,14 +163,14 @@ def slots(groups: Sequence[Sequence[int]]) -> Schedule[int]:
     return Schedule(tuple(each), len(groups) * FRAME_NS)
 
 
-@pytest.mark.parametrize("hops", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("hops", [1, long(2), long(3), long(4), 5])
 def test_a_chain_of_half_duplex_hops_carries_one_share_of_each(hops: int) -> None:
     """Slots by turns: 80 frames a second, divided by the hops."""
     medium = Tdma(chain(hops + 1), BIT_RATE, slots([[node] for node in range(hops)]))
     assert rate(medium, hops + 1, FRAME_NS, 40 * 10**9) == pytest.approx(80.0 / hops, rel=0.05)
 
 
-@pytest.mark.parametrize("hops", [4, 5, 6])
+@pytest.mark.parametrize("hops", [long(4), long(5), 6])
 def test_with_spatial_reuse_a_long_chain_carries_a_third(hops: int) -> None:
     """Every third node transmits at once: none of their receivers hears two of them."""
     groups = [[node for node in range(hops) if node % 3 == turn] for turn in range(3)]

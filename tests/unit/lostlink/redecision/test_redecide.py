@@ -75,7 +75,22 @@ def fates(result: Redecision) -> set[str]:
     return {FATES[fate] for fate in result.after.columns["fate"].tolist()}
 
 
-@pytest.mark.parametrize("preset", preset_names())
+LIKE_OTHERS = {
+    "elrs-900-200",
+    "moon2020-table3",
+    "rfd900x",
+    "sik-433",
+    "sik-868",
+    "wifi-5.8",
+    "xbee-900hp",
+}
+"""Presets that have the models of another one here, with other numbers."""
+
+
+@pytest.mark.parametrize(
+    "preset",
+    [pytest.param(name, marks=[pytest.mark.long] if name in LIKE_OTHERS else []) for name in preset_names()],
+)
 def test_every_preset_decides_the_same_again(preset: str, tmp_path: Path) -> None:
     run = flown(
         tmp_path / "run", scenario_of(without_time(preset), NODES, seed=11), 70, scale=SCALES.get(preset, 1.0)
@@ -170,7 +185,7 @@ OTHERS = [
     "disk",
     "lte-like",
     "{preset: corrected, mtu_bytes: 100}",
-    without_time("telemetry-915"),
+    pytest.param(without_time("telemetry-915"), marks=pytest.mark.long),
     TDMA,
     "{preset: corrected, mtu_bytes: 100, medium: {model: airtime}}",
 ]
@@ -280,7 +295,7 @@ def test_what_changed_is_told_by_link_cause_and_distance(tmp_path: Path) -> None
     assert sum(b.sent for b in comparison.bins) == 480
 
 
-@pytest.mark.parametrize("radio", ["telemetry-915", "wifi-2.4"])
+@pytest.mark.parametrize("radio", [pytest.param("telemetry-915", marks=pytest.mark.long), "wifi-2.4"])
 def test_by_distance_is_told_what_arrived_also_where_packets_take_time(radio: str, tmp_path: Path) -> None:
     run = flown(tmp_path / "run", scenario_of("perfect", NODES), 40)
     result = redecide(run, radio=radio)

@@ -35,7 +35,8 @@ def callers(*names: str) -> list[str]:
         str(file.relative_to(ROOT))
         for package in ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
         for file in sorted((ROOT / package).rglob("*.py"))
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if any(name in (text := file.read_text(encoding="utf-8")) for name in names)
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(names)
     }
     return sorted(found)
