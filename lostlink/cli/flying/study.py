@@ -70,8 +70,8 @@ def study(
     """Fly the runs of the study in FILE, and write OUT/<name>/metrics.parquet: a row per run.
 
     At the end it shows means over the seeds for each setting, with their standard errors. A study that was ended goes
-    on when it is started again: runs that are done are not flown again. Runs whose scenario or agent (with what its
-    file imports from its folder) changed are other runs. Ends with status 0 if all runs came to their end and were
+    on when it is started again: runs that are done are not flown again. Runs whose scenario or agent (with what it
+    imports) changed are other runs. Ends with status 0 if all runs came to their end and were
     measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
