@@ -12,6 +12,7 @@ from types import ModuleType
 
 from bridge.agents.agent import Agent
 from bridge.scenario.agent_class import AWAITED, IS_ASYNC, IS_GENERATOR, IS_PLAIN, NO_AGENT, PLAIN_METHODS
+from bridge.scenario.resolve.modules import NOT_THERE, put_first
 
 PACKAGES = ("aps", "bridge", "channel", "fdm", "standin")
 _numbers = itertools.count()
@@ -75,9 +76,7 @@ def _from_file(path: Path) -> ModuleType:
     sys.modules[name] = module
     for ours in PACKAGES:  # before the folder comes first: a file there may have the name of one
         importlib.import_module(ours)
-    beside = str(path.parent.resolve())
-    if beside not in sys.path:
-        sys.path.insert(0, beside)
+    put_first(path.parent.resolve())
     spec.loader.exec_module(module)
     return module
 
@@ -87,5 +86,5 @@ def _installed(module: str) -> ModuleType:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is not None and (module == error.name or module.startswith(f"{error.name}.")):
-            raise AgentError(f"no module {module}: neither installed nor in {Path.cwd()}") from error
+            raise AgentError(f"no module {module}: {NOT_THERE}") from error
         raise

@@ -31,7 +31,7 @@ from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from bridge.timeouts import FAILURE_GRACE_S, SILENCE_S
 
 T = TypeVar("T")
@@ -132,7 +132,8 @@ class Fleet:
 
     def _write_provenance(self) -> None:
         origins = {ua.node: self._launchers.of(ua).origin(ua) for ua in self._scenario.ua}
-        write_provenance(collect(origins, named_files(self._scenario)), self._run.path)
+        code = named_code(self._scenario)
+        write_provenance(collect(origins, code.files, code.packages), self._run.path)
 
     async def _fly(self) -> Ending:
         try:

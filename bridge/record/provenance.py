@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 from bridge.record.digests import file_digest
@@ -34,6 +35,7 @@ CPU_FLAGS: Final = (
     "sve",
     "sve2",
 )
+NONE: Final[Mapping[str, str]] = MappingProxyType({})
 UNKNOWN: Final = "(unknown)"
 GIT_TIMEOUT_S: Final = 2.0
 DIRTY: Final = "-dirty"
@@ -75,7 +77,7 @@ class Provenance:
         cpu: model and the features that numbers may depend on.
         environment: variables that change which code computes numbers, if set.
         autopilots: by node id.
-        files: SHA-256 of what the scenario names, by path.
+        files: SHA-256 of what the scenario names, and what these import, by path.
     """
 
     lostlink: str = ""
@@ -89,18 +91,23 @@ class Provenance:
     files: dict[str, str] = field(default_factory=dict)
 
 
-def collect(autopilots: Mapping[str, AutopilotOrigin], files: Iterable[Path] = ()) -> Provenance:
+def collect(
+    autopilots: Mapping[str, AutopilotOrigin],
+    files: Iterable[Path] = (),
+    packages: Mapping[str, str] = NONE,
+) -> Provenance:
     """What this process runs with.
 
     Args:
         autopilots: by node id; see `ardupilot_origin` and `standin_origin`.
-        files: what the scenario names.
+        files: what the scenario names, and what these import.
+        packages: versions, by name, of installed ones that these import.
     """
     return Provenance(
         lostlink=version_of("lostlink"),
         git_commit=_git_commit(_ROOT),
         python=platform.python_version(),
-        packages={name: version_of(name) for name in PACKAGES},
+        packages={name: version_of(name) for name in PACKAGES} | dict(packages),
         machine=f"{platform.system()} {platform.machine()} {' '.join(platform.libc_ver())}".strip(),
         cpu=_cpu(),
         environment={name: os.environ[name] for name in VARIABLES if name in os.environ},
@@ -213,7 +220,8 @@ def _changes(old: Provenance, new: Provenance) -> Iterator[tuple[Literal["warnin
     for name in sorted(old.packages.keys() | new.packages.keys()):
         before, now = old.packages.get(name, ""), new.packages.get(name, "")
         if before != now:
-            yield "warning" if name in SERIOUS else "note", _made(name, before, now)
+            is_own = name not in PACKAGES  # imported by the user's code, which may decide by it
+            yield "warning" if is_own or name in SERIOUS else "note", _made(name, before, now)
     if old.python != new.python:
         yield "note", _made("Python", old.python, new.python)
     for what, before, now in (("machine", old.machine, new.machine), ("CPU", old.cpu, new.cpu)):

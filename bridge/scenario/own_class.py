@@ -1,71 +1,100 @@
-"""What is wrong with a class or function that a scenario names, found without running its file."""
+"""What is wrong with a class or function that a scenario names, found without running its code."""
 
 from __future__ import annotations
 
 import ast
 import symtable
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 
 from bridge.scenario.agent_class import wrong_with_class
-from bridge.scenario.resolve.sources import sources_of
+from bridge.scenario.mistakes.near import near_miss
+from bridge.scenario.resolve.definition import definition_of, missing, source_of
+from bridge.scenario.resolve.modules import CODE
+from bridge.scenario.resolve.sources import Code, Stamp, code_of, parsed, stamp_of
 
-SOURCES_KEPT = 64
-"""So many source texts are not parsed again: each case of a study, and each UA, names the same."""
+AGENTS = ("Agent", "lostlink.Agent", "bridge.agents.Agent")
 
 
 def mistake_in(place: str, name: str, kind: str = "class") -> str:
-    """What is wrong with the class (or function) ``name`` in a file, found without running it; empty = nothing."""
-    if not place.endswith(".py"):
-        return ""
-    path = Path(place)
-    if not path.is_file():
-        return f"{path}: no such file"
+    """What is wrong with the class (or function) ``name`` in a file or module, without running it; empty = nothing.
+
+    Where its file imports it from another, that one is looked at.
+    """
+    if mistake := missing(place):
+        return mistake
+    path = source_of(place)
     try:
+        there = definition_of(place, name)
+        if there is None or (there[0] != path and there[0] not in _own_code(place).files):
+            return ""  # what others' code binds is not for a look at it to tell
+        path, name = there
         text = path.read_text(encoding="utf-8")
         names = symtable.symtable(text, str(path), "exec").get_identifiers()
+        if name not in names and "__getattr__" not in names and "import *" not in text:
+            return f"{path} has no {kind} {name}{near_miss(name, names)}"
+        wrong = wrong_with_class(parsed(path), name) if kind == "class" else None
     except SyntaxError as error:
-        return f"{path}:{error.lineno}: {error.msg}"
+        return f"{error.filename}:{error.lineno}: {error.msg}"
     except (OSError, ValueError) as error:
         return f"{path}: {error}"
-    if name not in names and "import *" not in text:
-        return f"{path} has no {kind} {name}"
-    wrong = wrong_with_class(_module(text), name) if kind == "class" else None
     return "" if wrong is None else f"{path}:{wrong[0]}: {wrong[1]}"
 
 
 def unread_options(place: str, options: Collection[str]) -> list[str]:
-    """Which options the file of an agent, and what it imports from its folder, never name; found without running them.
+    """Which options the file or module of an agent, and what it imports, never name; found without running them.
 
     A name counts wherever it stands: as a text, an argument, a field.
     """
-    if not options or not place.endswith(".py"):
+    if not options:
         return []
     try:
-        texts = [file.read_text(encoding="utf-8") for file in sources_of(Path(place))]
-        named = frozenset[str]().union(*map(_words_in, texts))
+        files = [file for file in _own_code(place).files if file.suffix == CODE]
+        named = frozenset[str]().union(*(_words_in(stamp_of(file)) for file in files))
     except (OSError, SyntaxError, ValueError):
-        return []  # a file beside the agent's that is no code: whoever loads it says so
-    return [option for option in options if option not in named]
+        return []  # a file that the agent's imports is no code: whoever loads it says so
+    return [option for option in options if option not in named] if files else []
 
 
-def is_plain(place: str, name: str) -> bool:
-    """Whether a class derives from `Agent` alone: then nothing but its folder's code reads its options."""
-    found = (
-        node
-        for node in _module(Path(place).read_text(encoding="utf-8")).body
-        if isinstance(node, ast.ClassDef)
-    )
-    return any(
-        each.name == name and [ast.unparse(base) for base in each.bases] == ["Agent"] for each in found
-    )
+def _own_code(place: str) -> Code:
+    """Of an installed package, too, if the class is in it."""
+    return code_of(place, "" if place.endswith(CODE) else place.partition(".")[0])
 
 
-def options_read(place: str) -> list[str]:
-    """The texts by which an agent's own file asks for something: ``options["height_m"]``, ``options.get("share")``."""
+def lineage_of(place: str, name: str) -> tuple[list[Path], bool]:
+    """The user's files that a class and those above it are in, and whether nothing but `Agent` is above them.
+
+    If so, nothing but the user's code reads the agent's options.
+    """
+    classes: set[tuple[Path, str]] = set()
+    is_plain = _follow(place, name, classes)
+    return sorted({file for file, _ in classes}), is_plain
+
+
+def _follow(place: str, name: str, seen: set[tuple[Path, str]]) -> bool:
+    there = definition_of(place, name)
+    if there is None or there[0] not in _own_code(place).files:
+        return False
+    seen.add(there)
+    found = [
+        each for each in parsed(there[0]).body if isinstance(each, ast.ClassDef) and each.name == there[1]
+    ]
+    bases = [base for each in found for base in each.bases if ast.unparse(base) not in AGENTS]
+    known = [isinstance(base, ast.Name) and _goes_up(there, base.id, seen) for base in bases]
+    return bool(found) and all(known)
+
+
+def _goes_up(there: tuple[Path, str], base: str, seen: set[tuple[Path, str]]) -> bool:
+    file = str(there[0])
+    return definition_of(file, base) in seen or _follow(file, base, seen)
+
+
+def options_read(files: Iterable[Path]) -> list[str]:
+    """The texts by which files ask for something: ``options["height_m"]``, ``options.get("share")``."""
     found: set[str] = set()
-    for node in ast.walk(_module(Path(place).read_text(encoding="utf-8"))):
+    for node in chain.from_iterable(ast.walk(parsed(file)) for file in files):
         if isinstance(node, ast.Subscript):
             asked: list[ast.expr] = [node.slice]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "get":
@@ -78,14 +107,9 @@ def options_read(place: str) -> list[str]:
     return sorted(found)
 
 
-@lru_cache(maxsize=SOURCES_KEPT)
-def _module(source: str) -> ast.Module:
-    return ast.parse(source)
-
-
-@lru_cache(maxsize=SOURCES_KEPT)
-def _words_in(source: str) -> frozenset[str]:
-    return frozenset(_words_of(_module(source)))
+@lru_cache(maxsize=4096)
+def _words_in(stamp: Stamp) -> frozenset[str]:
+    return frozenset(_words_of(parsed(Path(stamp[0]))))
 
 
 def _words_of(module: ast.Module) -> Iterator[str]:

@@ -40,7 +40,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
-from bridge.scenario.resolve.sources import sources_of
+from bridge.scenario.resolve.sources import code_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
 from lostlink.study.metrics import of_summary, of_tables, own
@@ -79,7 +79,7 @@ class CasePlan:
 
     def write(self, directory: Path) -> None:
         """Put it where the process looks for it."""
-        functions = [[str(one.file), one.name] for one in self.metrics]
+        functions = [[one.place, one.name] for one in self.metrics]
         dirs = {name: str(said) for name, said in asdict(self.dirs).items() if said is not None}
         content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep, "dirs": dirs}
         write_whole(directory / PLAN_FILE, content)
@@ -88,7 +88,7 @@ class CasePlan:
     def read(cls, directory: Path) -> CasePlan:
         """What was put there."""
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
-        functions = tuple(Function(file=Path(file), name=name) for file, name in content["metrics"])
+        functions = tuple(Function(place=place, name=name) for place, name in content["metrics"])
         dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
         return cls(content["scenario"], functions, content["keep"], dirs)
 
@@ -102,9 +102,11 @@ def measures_of(functions: Sequence[Function]) -> str:
     """What is measured, as a digest: other code measures anew."""
     digest = hashlib.sha256()
     for function in functions:
-        for file in sources_of(function.file):
+        code = code_of(function.place)
+        for file in code.files:
             digest.update(file.read_bytes() + b"\0")
-        digest.update(function.name.encode() + b"\0")
+        for name in (function.name, *(f"{name} {version}" for name, version in code.packages.items())):
+            digest.update(name.encode() + b"\0")
     return digest.hexdigest()[:16]
 
 
@@ -250,9 +252,13 @@ def load_all() -> None:
 
 
 def _measures_more(directory: Path) -> bool:
-    """Whether a case is measured by functions of the user's own; one without a plan says so itself."""
+    """Whether a case is measured by functions of the user's own; one without a plan says so itself.
+
+    What is found out of their code is known in processes forked from this one.
+    """
     with suppress(OSError, ValueError, LookupError):
-        return bool(CasePlan.read(directory).metrics)
+        plan = CasePlan.read(directory)
+        return bool(plan.metrics and plan.measures)
     return False
 
 

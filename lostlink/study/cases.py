@@ -18,7 +18,7 @@ from bridge.scenario.document.settings import Setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from lostlink.study.model import RUNS_MAX, StudyError, StudyFile
 
 NOT_OF_THE_RESULT = ("ports", "processes", "zenoh", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
@@ -39,8 +39,8 @@ class Case:
     """One run of a study.
 
     Attributes:
-        id: of its directory: the same for the same scenario, seed, contents of all files that these name, and version
-            of lostlink, whatever else the study has.
+        id: of its directory: the same for the same scenario, seed, contents of all files that these name or import,
+            and versions of lostlink and of packages that these import, whatever else the study has.
         labels: what it is in the table: ``scenario`` (its name), ``case``, the keys that vary, ``seed``.
         scenario: as resolved.
     """
@@ -130,8 +130,10 @@ def _id(scenario: Scenario, digest_of: Digest) -> str:
     for key in NOT_OF_THE_RESULT:
         *parents, name = key.split(".")
         del reduce(getitem, parents, content)[name]
-    files = [digest_of(file) for file in named_files(scenario)]
-    whole = {"lostlink": version_of("lostlink"), "scenario": content, "files": files}
+    code = named_code(scenario)
+    whole = {"lostlink": version_of("lostlink"), "scenario": content, "files": [*map(digest_of, code.files)]}
+    if code.packages:
+        whole["packages"] = dict(code.packages)
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping
-from pathlib import Path
 from traceback import extract_tb
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.agents.own import AgentError, load_module
+from bridge.scenario.resolve.sources import code_of
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
@@ -110,45 +110,41 @@ def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_TH
             Exception,
             SystemExit,
         ) as error:  # somebody's own code: whatever it raises is told with its place
-            raise StudyError(f"{_told(function)}: {type(error).__name__}: {error}") from error
+            raise StudyError(f"{function}: {type(error).__name__}: {error}") from error
         if not isinstance(result, Mapping):
-            raise StudyError(
-                f"{_told(function)}: has to give a mapping of columns (got {type(result).__name__})"
-            )
+            raise StudyError(f"{function}: has to give a mapping of columns (got {type(result).__name__})")
         for name in result:
             if name in OF_THE_STUDY or name in taken:
-                raise StudyError(
-                    f"{_told(function)}: {name}: is a column of the study's own: give it another name"
-                )
-        found |= {str(name): _plain(value, f"{_told(function)}: {name}") for name, value in result.items()}
+                raise StudyError(f"{function}: {name}: is a column of the study's own: give it another name")
+        found |= {str(name): _plain(value, f"{function}: {name}") for name, value in result.items()}
     return found
 
 
 def load(function: Function) -> Callable[..., Any]:
-    """The function itself; its file may import what lies beside it, as that of an agent may.
+    """The function itself; its file may import what that of an agent may.
 
     Raises:
         StudyError: it is not there, or the file raises as it is loaded.
     """
     try:
-        module = load_module(str(function.file))
+        module = load_module(function.place)
     except AgentError as error:
         raise StudyError(str(error)) from error
     except (Exception, SystemExit) as error:
-        raise StudyError(f"{_line_of(error, function.file)}: {type(error).__name__}: {error}") from error
+        raise StudyError(f"{_line_of(error, function.place)}: {type(error).__name__}: {error}") from error
     found = getattr(module, function.name, None)
     if not callable(found):
-        raise StudyError(f"{_told(function)}: there is no such function")
+        raise StudyError(f"{function}: there is no such function")
     return found  # type: ignore[no-any-return]
 
 
-def _line_of(error: BaseException, file: Path) -> str:
-    """Where a file, or what it imports from its folder, raised as it was loaded: ``FILE:LINE``."""
+def _line_of(error: BaseException, place: str) -> str:
+    """Where a file or module, or what it imports of the user's, raised as it was loaded: ``FILE:LINE``."""
     if isinstance(error, SyntaxError) and error.filename is not None:
         return f"{error.filename}:{error.lineno}"
-    folder = file.parent.resolve()
-    own = [each for each in extract_tb(error.__traceback__) if Path(each.filename).is_relative_to(folder)]
-    return f"{own[-1].filename}:{own[-1].lineno}" if own else str(file)
+    files = {str(file) for file in code_of(place).files}
+    own = [each for each in extract_tb(error.__traceback__) if each.filename in files]
+    return f"{own[-1].filename}:{own[-1].lineno}" if own else place
 
 
 def _plain(value: Any, told: str) -> Any:
@@ -161,7 +157,3 @@ def _plain(value: Any, told: str) -> Any:
     raise StudyError(
         f"{told}: has to be a number, text, truth value or list of numbers (got {type(value).__name__})"
     )
-
-
-def _told(function: Function) -> str:
-    return f"{function.file}:{function.name}"

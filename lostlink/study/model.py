@@ -13,6 +13,8 @@ from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.parts import Part, Slug
+from bridge.scenario.resolve.definition import missing
+from bridge.scenario.resolve.modules import CODE
 
 RUNS_MAX = 100_000
 
@@ -29,10 +31,18 @@ class Seeds(Part):
 
 
 class Function(Part):
-    """A function in a Python file."""
+    """A function in a Python file, or a module.
 
-    file: Path
+    Attributes:
+        place: the file's absolute path, which ends in .py, or the module's name.
+        name: the function's.
+    """
+
+    place: str
     name: str
+
+    def __str__(self) -> str:
+        return f"{self.place}:{self.name}"
 
 
 class StudyFile(Part):
@@ -46,7 +56,7 @@ class StudyFile(Part):
         set: settings of all runs, by dotted key.
         cases: settings that go together, by label; each is flown. None: one, without a label.
         vary: per dotted key its values, as a list, or by label as a mapping; each combination is flown.
-        metrics: functions of a run (`lostlink.Run`) that give further columns, as FILE.py:NAME.
+        metrics: functions of a run (`lostlink.Run`) that give further columns, as FILE.py:NAME or module:NAME.
         figures: functions of the table (a pandas DataFrame) and a directory, which draw there at the end.
         keep: which runs' directories stay: of all, of those that failed, or of none.
     """
@@ -116,8 +126,8 @@ class StudyFile(Part):
     @classmethod
     def _there(cls, functions: tuple[Function, ...]) -> tuple[Function, ...]:
         for function in functions:
-            if not function.file.is_file():
-                raise ValueError(f"there is no file {function.file}")
+            if mistake := missing(function.place):
+                raise ValueError(mistake)
         return functions
 
 
@@ -157,10 +167,12 @@ def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
 def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:
     functions = []
     for text in [value] if isinstance(value, str) else value if isinstance(value, list) else [value]:
-        file, colon, name = text.rpartition(":") if isinstance(text, str) else ("", "", "")
-        if not (colon and file.endswith(".py") and name.isidentifier()):
+        place, _, name = text.rpartition(":") if isinstance(text, str) else ("", "", "")
+        is_file = place.endswith(CODE)
+        if not name.isidentifier() or not (is_file or all(map(str.isidentifier, place.split(".")))):
             raise StudyError(
-                f"{path}: {key}: has to be FILE.py:FUNCTION, one or a list of them (got {text!r})"
+                f"{path}: {key}: has to be FILE.py:FUNCTION or package.module:FUNCTION, one or a list of them "
+                f"(got {text!r})"
             )
-        functions.append({"file": path.parent.resolve() / file, "name": name})
+        functions.append({"place": str(path.parent.resolve() / place) if is_file else place, "name": name})
     return functions

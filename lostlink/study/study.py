@@ -134,7 +134,7 @@ class Study:
             try:
                 self._draw(function)
             except Exception as error:
-                yield f"{function.file}:{function.name}: {type(error).__name__}: {error}"
+                yield f"{function}: {type(error).__name__}: {error}"
 
     def _draw(self, function: Function) -> None:
         import pandas as pd

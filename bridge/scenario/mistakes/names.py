@@ -15,7 +15,7 @@ from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
-from bridge.scenario.own_class import clash_of, is_plain, mistake_in, options_read, unread_options
+from bridge.scenario.own_class import clash_of, lineage_of, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from
@@ -267,9 +267,14 @@ def _classes(root: Written, scenario: Scenario) -> Iterator[str]:
 
 
 def _unread_options(root: Written, index: int, agent: OwnAgent) -> Iterator[str]:
-    for option in unread_options(agent.place, agent.options):
-        near = near_miss(option, options_read(agent.place))
-        if near or is_plain(agent.place, agent.class_name):
+    unread = unread_options(agent.place, agent.options)
+    if not unread:
+        return
+    files, is_plain = lineage_of(agent.place, agent.class_name)
+    known = options_read(files)
+    for option in unread:
+        near = near_miss(option, known)
+        if near or is_plain:
             problem = f"{Path(agent.place).name} does not read it{near}"
             yield _told(root, ("nodes", index, "agent", "options", option), problem)
 

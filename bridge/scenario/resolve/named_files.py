@@ -1,9 +1,12 @@
-"""Which files a resolved scenario names: what a run is made of besides the scenario and lostlink itself."""
+"""Which files and packages a resolved scenario names: what a run is made of besides itself and lostlink."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,40 +14,71 @@ from xml.etree import ElementTree
 import yaml
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.sources import sources_of
+from bridge.scenario.resolve.modules import CODE
+from bridge.scenario.resolve.sources import Code, code_of
 
 TREES = (".yaml", ".yml")
-CODE = ".py"
+
+
+MODULE = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
+LAWS = "lostlink."
+"""What groups of entry points begin with that give models of radios names."""
 
 
 def named_files(scenario: Scenario) -> list[Path]:
-    """Absolute paths, sorted: all files that the scenario names, and what these name or import in their turn.
+    """The files of `named_code`."""
+    return list(named_code(scenario).files)
 
-    Own agents and models with what they import from their folders, radios and winds with their maps, terrain and
-    tables, airframes with their flight models. What ships goes by name and belongs to lostlink; modules that are
-    installed are not looked for.
+
+def named_code(scenario: Scenario) -> Code:
+    """All files that the scenario names, and what these name or import in their turn; and packages that they import.
+
+    Own agents, functions and models with what they import, radios and winds with their maps, terrain and tables,
+    airframes with their flight models. What ships goes by name and belongs to lostlink.
     """
-    found: set[Path] = set()
+    named = _Named()
     for text in _texts(scenario.model_dump(mode="json", by_alias=True)):
-        _add(Path(), text, found)
-    return sorted(found)
+        named.add(Path(), text)
+    return Code(tuple(sorted(named.files)), dict(sorted(named.packages.items())))
 
 
-def _add(folder: Path, text: str, found: set[Path]) -> None:
-    """Take the file that a text names as seen from a folder, if it names one, and those that it names."""
-    path = (folder / _file_of(text)).absolute()
-    if path in found or not _is_file(path):
-        return
-    found.add(path)
-    if path.suffix == CODE:
-        found.update(sources_of(path))
-    elif path.suffix in TREES:
-        tree = _tree(path)
-        for part in _texts(tree):
-            _add(path.parent, part, found)
-        if model := _flight_model(tree, path.parent):
-            for file in model.rglob("*.xml"):
-                _add_included(file, model, found)
+class _Named:
+    def __init__(self) -> None:
+        self.files: set[Path] = set()
+        self.packages: dict[str, str] = {}
+
+    def add(self, folder: Path, text: str) -> None:
+        """Take the file or module that a text names as seen from a folder, if it names one, and those that it names."""
+        text = _laws().get(text, text)
+        if MODULE.fullmatch(text) and not text.rpartition(":")[0].endswith(CODE):
+            self._add_code(text.rpartition(":")[0])
+            return
+        path = (folder / _file_of(text)).absolute()
+        if path in self.files or not _is_file(path):
+            return
+        self.files.add(path)
+        if path.suffix == CODE:
+            self._add_code(str(path))
+        elif path.suffix in TREES:
+            tree = _tree(path)
+            for part in _texts(tree):
+                self.add(path.parent, part)
+            if model := _flight_model(tree, path.parent):
+                for file in model.rglob("*.xml"):
+                    _add_included(file, model, self.files)
+
+    def _add_code(self, place: str) -> None:
+        code = code_of(place)
+        self.files.update(code.files)
+        self.packages.update(code.packages)
+
+
+@cache
+def _laws() -> dict[str, str]:
+    """Models of radios that packages bring, by name: ``module:Name``."""
+    known = entry_points()
+    groups = [group for group in known.groups if group.startswith(LAWS)]
+    return {each.name: each.value for group in groups for each in known.select(group=group)}
 
 
 def _is_file(path: Path) -> bool:

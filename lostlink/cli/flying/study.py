@@ -71,8 +71,8 @@ def study(
 
     At the end it shows means over the seeds for each setting, with their standard errors; if it is interrupted, of the
     runs that are over. It goes on when it is started again: runs that are done are not flown again. Runs whose scenario
-    or agent (with what its file imports from its folder) changed are other runs. Ends with status 0 if all runs came to
-    their end and were measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
+    or agent (with what it imports) changed are other runs. Ends with status 0 if all runs came to their end and were
+    measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
     Examples:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from math import inf
 from pathlib import Path
@@ -15,6 +16,7 @@ from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from bridge.scenario.own_class import mistake_in
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
+VALUES = "{limits_m: [.inf, -.inf, 1.5], names: {a: null, b: x}, quick: true}"
 OWN = """\
 from bridge.agents import Agent
 from own_constants import VALUE
@@ -82,9 +84,11 @@ def test_missing_module_is_named() -> None:
         load_class("nowhere.to_be_found", "Own")
 
 
-def test_options_reach_the_agents_process_as_they_are() -> None:
-    own = "{type: own, class: a:B, options: {limits_m: [.inf, -.inf, 1.5], names: {a: null, b: x}, quick: true}}"
-    scenario = parse_scenario(TEXT.replace("{type: hold, altitude_m: 40}", own), "my.yaml")
+def test_options_reach_the_agents_process_as_they_are(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("class B(Agent):\n  reads = ('limits_m', 'names', 'quick')\n")
+    own = f"{{type: own, class: {tmp_path}/a.py:B, options: {VALUES}}}"
+    text = TEXT.replace("{type: hold, altitude_m: 40}", own)
+    scenario = parse_scenario(text, "my.yaml")
     agent = parse_scenario(scenario.to_yaml(), "resolved.yaml").ua[0].agent
     assert isinstance(agent, OwnAgent)
     assert agent.options == {"limits_m": [inf, -inf, 1.5], "names": {"a": None, "b": "x"}, "quick": True}
@@ -215,3 +219,65 @@ def test_an_option_that_nobody_reads_is_a_mistake(tmp_path: Path, base: str, opt
         ScenarioError, match=rf"my.yaml:\d+: nodes.0.agent.options.{option}: mine.py .*{says}"
     ):
         parse_scenario(text, "my.yaml")
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package on Python's path, which would end whoever runs it."""
+    monkeypatch.syspath_prepend(tmp_path)
+    folder = tmp_path / "flocking_here"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("from .agent import Flock\nraise SystemExit('it ran')\n")
+    code = (
+        "from lostlink import Agent\nfrom .base import Base\nclass Flock(Base):\n    pass\nclass Other: ...\n"
+    )
+    (folder / "agent.py").write_text(code)
+    base = (
+        "from lostlink import Agent\nclass Base(Agent):\n    async def fly(self): self.options['radius_m']\n"
+    )
+    (folder / "base.py").write_text(base)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("flocking_here.agent:Flock", ""),
+        ("flocking_here:Flock", ""),
+        (
+            "flocking_here.agnet:Flock",
+            r"no module flocking_here\.agnet: .*; did you mean flocking_here\.agent\?",
+        ),
+        ("flocking_hree:Flock", r"no module flocking_hree: .*; did you mean flocking_here\?"),
+        ("flocking_here.agent:Flok", r"agent\.py has no class Flok; did you mean Flock\?"),
+        ("flocking_here:Flok", r"__init__\.py has no class Flok; did you mean Flock\?"),
+        ("flocking_here.agent:Other", r"agent\.py:5: Other is no subclass"),
+        ("collections.abc:Mapping", ""),
+    ],
+)
+def test_a_module_is_looked_at_as_a_file_is(package: Path, name: str, says: str) -> None:
+    mistake = mistake_in(*name.split(":"))
+    assert re.search(says, mistake) if says else mistake == ""
+
+
+@pytest.mark.parametrize("place", ["flocking_here", "flocking_here.agent", "shim.py"])
+def test_options_are_looked_for_where_a_module_takes_its_class_from(package: Path, place: str) -> None:
+    """In the package and its base class, not in the shim alone."""
+    if place == "shim.py":
+        place = f"{package.parent}/shim.py"
+        Path(place).write_text("from flocking_here.agent import Flock\n")
+    agent = f"{{type: own, class: '{place}:Flock', options: {{radius_m: 4, radus_m: 5, colour: 6}}}}"
+    with pytest.raises(ScenarioError) as error:
+        parse_scenario(TEXT.replace("{type: hold, altitude_m: 40}", agent), "my.yaml")
+    assert [line.partition("options.")[2] for line in str(error.value).splitlines()] == [
+        f"radus_m: {Path(place).name} does not read it; did you mean radius_m?",
+        f"colour: {Path(place).name} does not read it",
+    ]
+
+
+def test_a_package_in_the_working_directory_is_told(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [each for each in sys.path if each not in ("", str(tmp_path))])
+    monkeypatch.chdir(tmp_path)
+    assert f"lies in {tmp_path}, which is not on PYTHONPATH" in mistake_in("flocking_here.agent", "Flock")

@@ -41,7 +41,9 @@ def test_what_runs_here_is_told(tmp_path: Path) -> None:
     binary = tmp_path / "arducopter"
     binary.write_bytes(b"\x7fELF")
     files = [binary, tmp_path / "gone"]
-    found = collect({"0": standin_origin(), "1": ardupilot_origin(binary, "4.7")}, files)
+    origins = {"0": standin_origin(), "1": ardupilot_origin(binary, "4.7")}
+    found = collect(origins, files, {"networkx": "3.4"})
+    assert found.packages["networkx"] == "3.4"
     assert found.files == {str(binary): hashlib.sha256(b"\x7fELF").hexdigest(), str(files[1]): ""}
     assert found.lostlink == metadata.version("lostlink")
     assert found.packages["numpy"] == metadata.version("numpy")
@@ -77,6 +79,10 @@ def test_environment_that_changes_numbers_is_told(monkeypatch: pytest.MonkeyPatc
         (
             replace(MADE, packages={"numpy": "2.4.0", "jsbsim": "1.2.0"}),
             "note: numpy 2.3.0 made the record, this is 2.4.0",
+        ),
+        (
+            replace(MADE, packages=MADE.packages | {"networkx": "3.4"}),
+            "warning: networkx (unknown) made the record, this is 3.4",
         ),
         (
             replace(MADE, files={"/a/wander.py": "34" * 32, "/a/novel.yaml": "56" * 32}),

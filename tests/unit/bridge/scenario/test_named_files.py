@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import metadata
 from pathlib import Path
+
+import pytest
 
 from bridge.scenario.file import SCENARIOS, read_scenario
 from bridge.scenario.resolve.flight import wind_of
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code, named_files
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\
@@ -71,6 +74,29 @@ def test_files_of_a_wind_that_is_spelt_out(tmp_path: Path) -> None:
     scenario = read_scenario(str(file))
     assert tmp_path / "maps" / "shear.nc" in named_files(scenario)
     assert wind_of(scenario).map is not None
+
+
+def test_code_on_the_path_of_agents_expectations_and_models(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made(tmp_path)
+    package = tmp_path / "elsewhere" / "laws_here"
+    package.mkdir(parents=True)
+    monkeypatch.syspath_prepend(package.parent)
+    agent = "import numpy\nfrom lostlink import Agent\nclass Own(Agent): ...\n"
+    texts = {"agent": agent, "judge": "def holds(run): ...\n", "antenna": ANTENNA, "other": ""}
+    for name, text in texts.items():
+        (package / f"{name}.py").write_text(text)
+    radio = tmp_path / "radio.yaml"
+    radio.write_text(radio.read_text().replace("models/mine.py", "laws_here.antenna"))
+    text = SCENARIO.replace("agent.py:Own", "laws_here.agent:Own").replace("os.path:join", "agent.py:Own")
+    (tmp_path / "scenario.yaml").write_text(
+        f"{text}expectations: [{{type: function, function: 'laws_here.judge:holds'}}]\n"
+    )
+    code = named_code(read_scenario(str(tmp_path / "scenario.yaml")))
+    found = {str(file.relative_to(package)) for file in code.files if file.is_relative_to(package)}
+    assert found == {"agent.py", "antenna.py", "judge.py"}
+    assert code.packages == {"numpy": metadata.version("numpy")}
 
 
 def test_what_ships_goes_by_name() -> None:

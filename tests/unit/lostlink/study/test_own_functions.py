@@ -25,7 +25,7 @@ def written(folder: Path, text: str, beside: str = "") -> Function:
     """A file with a function, and a module beside it."""
     (folder / "own_beside.py").write_text(beside, encoding="utf-8")
     (folder / "own_functions.py").write_text(text, encoding="utf-8")
-    return Function(file=folder / "own_functions.py", name="found")
+    return Function(place=str(folder / "own_functions.py"), name="found")
 
 
 def test_a_file_may_import_what_lies_beside_it(tmp_path: Path) -> None:

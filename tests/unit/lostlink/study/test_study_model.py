@@ -145,10 +145,48 @@ def test_other_code_of_a_module_that_an_agent_imports_is_another_run(tmp_path):
     assert len(set(ids)) == 4
 
 
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Modules in a package of Python's path, which is not beside the study."""
+    folder = tmp_path / "elsewhere" / "flocking_here"
+    folder.mkdir(parents=True)
+    monkeypatch.syspath_prepend(folder.parent)
+    (folder / "__init__.py").write_text("", encoding="utf-8")
+    (folder / "agent.py").write_text("from flocking_here import rules\n" + AGENT, encoding="utf-8")
+    (folder / "rules.py").write_text("def measure(run):\n    return {}\n", encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["flocking_here.agent:Mine", "shim.py:Mine"])
+def test_other_code_of_a_package_on_the_path_is_another_run(tmp_path, package, name):
+    (tmp_path / "shim.py").write_text("from flocking_here.agent import Mine\n", encoding="utf-8")
+    text = f"set: {{nodes.0.agent: {{type: own, class: '{name}'}}}}"
+    ids = [cases(tmp_path, text)[0].id]
+    for module in ("agent.py", "rules.py", "__init__.py"):
+        with (package / module).open("a", encoding="utf-8") as file:
+            file.write("# other\n")
+        ids.append(cases(tmp_path, text)[0].id)
+    assert len(set(ids)) == 4
+
+
+@pytest.mark.parametrize("place", ["own.py", "flocking_here.rules"])
+def test_other_code_of_a_package_that_a_metric_imports_measures_anew(tmp_path, package, place):
+    (tmp_path / "own.py").write_text("from flocking_here.rules import measure\n", encoding="utf-8")
+    (one,) = read_study(write(tmp_path, f"metrics: '{place}:measure'\n")).metrics
+    plan = CasePlan("", (one,), "all")
+    before = plan.measures
+    with (package / "rules.py").open("a", encoding="utf-8") as file:
+        file.write("# other\n")
+    assert plan.measures != before
+    assert load(one)(None) == {}
+    plan.write(tmp_path)
+    assert CasePlan.read(tmp_path) == plan
+
+
 def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
     (tmp_path / "own.py").write_text("import law\n\n\ndef measure(run):\n    return {}\n", encoding="utf-8")
     (tmp_path / "law.py").write_text("", encoding="utf-8")
-    plan = CasePlan("", (Function(file=tmp_path / "own.py", name="measure"),), "all")
+    plan = CasePlan("", (Function(place=str(tmp_path / "own.py"), name="measure"),), "all")
     before = plan.measures
     (tmp_path / "law.py").write_text("# other\n", encoding="utf-8")
     assert plan.measures != before
@@ -161,8 +199,9 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("seeds: []\n", "seeds: .*at least one"),
         ("seeds: [1, 1]\n", "seeds: .*each once"),
         ("vary: {radio: []}\n", "radio has no values"),
+        ("metrics: flocking_nowhere.rules:f\n", "metrics: .*no module flocking_nowhere.rules"),
         ("metrics: mine.py\n", "metrics: has to be FILE.py:FUNCTION"),
-        ("metrics: nothing.py:f\n", "there is no file .*nothing.py"),
+        ("metrics: nothing.py:f\n", "nothing.py: no such file"),
         ("keep: some\n", "yaml:4: keep: has to be 'all', 'failed' or 'none' \\(got 'some'\\)"),
         ("set: {a: 2020-13-45}\n", "not valid YAML: month must be in 1..12"),
         ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
@@ -211,7 +250,7 @@ def function(folder: Path, body: str) -> Function:
     (folder / "own.py").write_text(
         f"import numpy as np\n\n\ndef measure(run):\n    return {body}\n", encoding="utf-8"
     )
-    return Function(file=folder / "own.py", name="measure")
+    return Function(place=str(folder / "own.py"), name="measure")
 
 
 def test_own_metrics_may_be_numbers_texts_and_lists(tmp_path):
