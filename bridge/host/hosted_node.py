@@ -119,13 +119,15 @@ class HostedNode:
 
     def _look_at_agent(self) -> None:
         """Tell of an agent that the run has been waiting for, and look again in a while."""
-        if self._closed or self.runner is None:
-            return
-        if text := self.runner.blocked(monotonic()):
+        if not self._closed:
+            self._tell_if_blocked()
+            self._loop.call_later(BLOCKED_LOOK_S, self._look_at_agent)
+
+    def _tell_if_blocked(self) -> None:
+        if self.runner is not None and (text := self.runner.blocked(monotonic())):
             with self._named():
                 log.warning("the agent is slow: %s", text)
                 self._record.agent_blocked(text)
-        self._loop.call_later(BLOCKED_LOOK_S, self._look_at_agent)
 
     def _warn(self, event: RunEvent) -> None:
         """Tell whoever watches the run; from any thread."""
@@ -242,6 +244,7 @@ class HostedNode:
 
     def close(self) -> None:
         """Write what is left of the record."""
+        self._tell_if_blocked()
         self._closed = True
         counters = {
             "messages_the_agent_could_not_read": 0 if self.runner is None else self.runner.ua.malformed,

@@ -14,7 +14,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
@@ -35,6 +35,23 @@ OUTCOMES = (CommandFailed, TimeoutError)
 class _Tick:
     sim_time_ns: int
     arrivals: Sequence[Arrival]
+
+
+class _Work(NamedTuple):
+    """What an agent is at.
+
+    Attributes:
+        since_s: wall time at which it was given to it.
+        sim_time_ns: of the tick; None: its constructor.
+    """
+
+    since_s: float
+    sim_time_ns: int | None
+
+    def __str__(self) -> str:
+        return (
+            "its constructor" if self.sim_time_ns is None else f"the tick at {self.sim_time_ns / 1e9:.2f} s"
+        )
 
 
 class AgentRunner:
@@ -60,8 +77,10 @@ class AgentRunner:
         self._inbox: queue.SimpleQueue[_Tick | None] = queue.SimpleQueue()
         self._built: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._busy = False
-        self._at_work_since_s: float | None = None
-        """Wall time at which it began what it is at; None: it waits for a tick, or has been told of."""
+        self._work: _Work | None = None
+        """What it is at; None: it waits for a tick, or has been told of."""
+        self._late = ""
+        """What is to be told of work that is done: code that holds the interpreter's lock keeps others from looking."""
         self._feeder = Feeder(ua, BaseException)
         self._stopping = False
         self._loop = SimLoop(self._wait)
@@ -72,31 +91,31 @@ class AgentRunner:
 
     def start(self) -> concurrent.futures.Future[None]:
         """Build the agent; the future is done when it waits for its first tick."""
-        self._at_work_since_s = monotonic()
+        self._work = _Work(monotonic(), None)
         self._thread.start()
         return self._built
 
     def tick(self, sim_time_ns: int, arrivals: Sequence[Arrival]) -> None:
         """Have the agent live through the tick ``sim_time_ns``; `on_idle` is called when it has."""
-        self._at_work_since_s = monotonic()
+        self._work = _Work(monotonic(), sim_time_ns)
         self._inbox.put(_Tick(sim_time_ns, arrivals))
 
     def blocked(self, now_s: float) -> str:
-        """What to tell of an agent that is at work on a tick, or in its constructor, for long; "" if it is not.
+        """What to tell of an agent that is at work on a tick, or in its constructor, for long, or was; "" if none is.
 
         Once for each tick.
 
         Args:
             now_s: wall time, as `time.monotonic` has it.
         """
-        since_s = self._at_work_since_s
-        if since_s is None or now_s - since_s < BLOCKED_S:
-            return ""
-        self._at_work_since_s = None
-        what = f"the tick at {self.ua.sim_time_ns / 1e9:.2f} s" if self._busy else "its constructor"
+        late, self._late = self._late, ""
+        work = self._work
+        if late or work is None or now_s - work.since_s < BLOCKED_S:
+            return late
+        self._work = None
         place = whereabouts(self._thread.ident)
         where = f", in {place}" if place else ""
-        return f"{what} takes {now_s - since_s:.0f} s of wall time so far{where}; the run waits for it"
+        return f"{work} takes {now_s - work.since_s:.0f} s of wall time so far{where}; the run waits for it"
 
     def ask_to_stop(self) -> None:
         """Have the agent end; what it still transmits or commands on its way out has no effect."""
@@ -163,7 +182,9 @@ class AgentRunner:
 
     def _wait(self) -> None:
         """Nothing in the loop is ready: the tick is done. Returns with the next one."""
-        self._at_work_since_s = None
+        work, self._work = self._work, None
+        if work is not None and (took_s := monotonic() - work.since_s) >= BLOCKED_S:
+            self._late = f"{work} took {took_s:.0f} s of wall time; the run waited for it"
         if self._busy:
             self._look_at_tasks()
             self._busy = False

@@ -250,6 +250,22 @@ def test_an_agent_that_blocks_is_told_of_once_a_tick_with_its_line(flown: list[F
     go_on.set()
 
 
+def test_an_agent_that_kept_everybody_from_looking_is_told_of_afterwards(
+    flown: list[Flown], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a regular expression does, which holds the interpreter's lock until it is done."""
+    flown.append(Flown(Napper))
+    flown[0].ticks(1)
+    runner = flown[0].runner
+    assert runner.blocked(time.monotonic()) == ""
+    monkeypatch.setattr("bridge.agents.running.runner.BLOCKED_S", 0.0)
+    flown[0].ticks(1)
+    assert (
+        runner.blocked(time.monotonic()) == "the tick at 0.05 s took 0 s of wall time; the run waited for it"
+    )
+    assert runner.blocked(time.monotonic()) == ""
+
+
 def test_an_agent_with_an_on_tick_of_its_own_still_transmits_its_package(flown: list[Flown]) -> None:
     class Own(Agent):
         def on_tick(self, sim_time_ns: int) -> None:
