@@ -66,16 +66,27 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
 
 
 def _explained(path: Path, text: str, error: ValidationError, model: type[BaseModel]) -> Iterator[str]:
+    content = _read_yaml(text)
     for problem in error.errors():
         location, kind = problem["loc"], problem["type"]
         if kind == "too_short" and len(problem["input"]) >= problem["ctx"]["min_length"]:
             continue  # there are enough, but wrong ones, which have lines of their own
-        if location[-1:] == ("int",):
+        if location[-1:] == ("int",) and not _is_key(content, location):
             continue  # of a whole number or any, which has its own line
-        if location[-1:] == ("float",):
+        if location[-1:] == ("float",) and not _is_key(content, location):
             location = location[:-1]
         key = ".".join(str(part) for part in location) or "(file)"
         yield f"{path}:{line_of(text, location)}: {key}: {_message(problem, model)}"
+
+
+def _is_key(content: Any, location: tuple[int | str, ...]) -> bool:
+    """Whether a place is one of the file, where a name may be that of a kind of number, too."""
+    try:
+        for part in location:
+            content = content[part]
+    except (LookupError, TypeError):
+        return False
+    return True
 
 
 def _message(problem: ErrorDetails, model: type[BaseModel]) -> str:

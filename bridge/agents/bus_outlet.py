@@ -48,8 +48,8 @@ class BusOutlet:
         self._session.put(self._keys.agent(self._node), status, must_arrive=True)
 
     def warn(self, text: str, sim_time_ns: int) -> None:
-        """Tell whoever watches the run what they must see."""
-        self._session.put(self._keys.warning(self._node), Header.at(sim_time_ns, text), must_arrive=True)
+        """Tell whoever watches the run what they must see; it waits for nobody, and the record has it anyway."""
+        self._session.put(self._keys.warning(self._node), Header.at(sim_time_ns, text))
 
     def log(self, item: LoggedValue, sim_time_ns: int) -> None:
         """Publish a value as JSON, if anybody subscribes; the attachment has the sim time."""

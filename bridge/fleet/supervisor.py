@@ -52,7 +52,6 @@ class Observer:
         glance: given states and link reports; None: nobody looks at them, and nobody makes them.
         joins: awaited when all parts are ready, before the first tick; None: nobody joins from outside.
         on_warning: called with what somebody must see.
-        on_warning: called with what somebody must see.
     """
 
     on_phase: Callable[[str], object]

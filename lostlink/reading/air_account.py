@@ -22,7 +22,7 @@ from lostlink.reading.air import (
 )
 from lostlink.reading.capacity import Capacity, SharedBy, rate_text
 from lostlink.reading.rows import RUN_ENDED, DeliveryRows
-from lostlink.reading.too_long import TooLong, too_long_of
+from lostlink.reading.too_long import TooLong, remark_of, too_long_of, warnings_of
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
@@ -90,12 +90,12 @@ class AirAccount:
         told = [f"{self._network}medium {self.medium}"]
         if self.is_overloaded:
             told.append(f"offered {self.busiest_share:.3g} times what it could carry")
-        return ", ".join([*told, *(each.remark for each in self.too_long)])
+        return ", ".join([*told, *filter(None, [remark_of(self.too_long)])])
 
     @property
     def warnings(self) -> list[str]:
         """What is likely not meant, a sentence each; normally none."""
-        too_long = (f"{self._network}{each.warning(self.medium)}" for each in self.too_long)
+        too_long = (f"{self._network}{text}" for text in warnings_of(self.too_long, self.medium))
         return [text for text in (self._overload, *too_long) if text]
 
     @property

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from lostlink.reading.rows import DeliveryRows
 
 NO_ROOM: Final = FATES.index(Fate.TOO_LONG_FOR_A_SLOT.value)
 TRANSPORT: Final = FATES.index(Cause.TRANSPORT)
+NAMED_MAX: Final = 5
+"""Nodes that have a sentence of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +37,6 @@ class TooLong:
     of: int
     longest_bytes: int
     mtu_bytes: int | None
-
-    @property
-    def remark(self) -> str:
-        """For the line of a verdict."""
-        return f"{self.packets} of {self.of} packets of node {self.node} too long"
 
     def warning(self, medium: str) -> str:
         """What happened, and what to do."""
@@ -65,17 +62,39 @@ def too_long_of(rows: DeliveryRows, capacity: Capacity) -> Iterator[TooLong]:
         capacity: of the network.
     """
     c = rows.columns
-    for fate in (TOO_LONG, NO_ROOM):
-        for tx in np.unique(c["tx"][c["fate"] == fate]).tolist():
-            node = rows.nodes[tx]
-            mine = (c["tx"] == tx) & (c["fate"] != TRANSPORT)
-            lost = mine & (c["fate"] == fate)
-            longest_bytes = int(c["length_bytes"][lost].max())
+    losses = {fate: mask for fate in (TOO_LONG, NO_ROOM) if (mask := c["fate"] == fate).any()}
+    given = _packets(rows, c["fate"] != TRANSPORT) if losses else ()
+    for fate, lost in losses.items():
+        counts, longest = _packets(rows, lost), np.zeros(len(rows.nodes), np.int64)
+        np.maximum.at(longest, c["tx"][lost], c["length_bytes"][lost])
+        for tx in np.flatnonzero(counts).tolist():
+            node, longest_bytes = rows.nodes[tx], int(longest[tx])
             if fate == NO_ROOM:
                 longest_bytes = capacity.payload_bytes(node, longest_bytes)
             mtu_bytes = capacity.radios[node].config.mtu_bytes if fate == TOO_LONG else None
-            yield TooLong(node, _count(c["seq"][lost]), _count(c["seq"][mine]), longest_bytes, mtu_bytes)
+            yield TooLong(node, int(counts[tx]), int(given[tx]), longest_bytes, mtu_bytes)
 
 
-def _count(numbers: NDArray[Any]) -> int:
-    return len(np.unique(numbers))
+def _packets(rows: DeliveryRows, which: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many packets each node has in some rows, of which there is one per receiver."""
+    columns = [rows.columns[name][which].astype(np.int64) for name in ("tx", "seq")]
+    tx, _ = np.unique(np.stack(columns), axis=1)
+    return np.bincount(tx, minlength=len(rows.nodes))
+
+
+def remark_of(found: Sequence[TooLong]) -> str:
+    """For the line of a verdict: of how many packets all these are; "" of none."""
+    if not found:
+        return ""
+    packets, of = sum(each.packets for each in found), sum(each.of for each in found)
+    nodes = sorted({each.node for each in found})
+    whose = f"node {nodes[0]}" if len(nodes) == 1 else f"{len(nodes)} nodes"
+    return f"{packets} of {of} packets of {whose} too long"
+
+
+def warnings_of(found: Sequence[TooLong], medium: str) -> Iterator[str]:
+    """A sentence for each, as far as somebody reads them."""
+    for each in found[:NAMED_MAX]:
+        yield each.warning(medium)
+    if (more := len(found) - NAMED_MAX) > 0:
+        yield f"so were packets of {more} more nodes (air[].too_long of the summary has them all)"

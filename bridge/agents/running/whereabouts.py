@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import sysconfig
 import traceback
 from pathlib import Path
 from typing import Final
 
+_OURS: Final = ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
 _NOT_THEIRS: Final = (
     "<",
-    str(Path(__file__).parents[2]),
+    *(f"{Path(__file__).parents[3] / package}{os.sep}" for package in _OURS),
     *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
 )
 """What the names of files begin with that are no agent's: Python's, those of installed packages, and ours."""

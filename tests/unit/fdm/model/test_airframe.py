@@ -67,6 +67,13 @@ def test_a_bad_value_of_a_channel_is_explained(tmp_path, f450_data, key, value, 
         load_airframe(write(tmp_path, f450_data))
 
 
+@pytest.mark.parametrize("key", ["int", "float"])
+def test_a_parameter_may_have_the_name_of_a_kind_of_number(tmp_path, f450_data, key):
+    f450_data["ardupilot_parameters"] = {key: "x"}
+    with pytest.raises(AirframeError, match=rf"ardupilot_parameters\.{key}: has to be a number \(got 'x'\)"):
+        load_airframe(write(tmp_path, f450_data))
+
+
 def test_a_property_has_one_driver(tmp_path, f450_data):
     f450_data["channels"][0]["property"] = f450_data["channels"][1]["property"]
     with pytest.raises(AirframeError, match="more than one channel"):

@@ -24,6 +24,7 @@ from lostlink.reading.air import (
 from lostlink.reading.air_account import account_of
 from lostlink.reading.capacity import Capacity, rate_text
 from lostlink.reading.rows import LINK, DeliveryRows
+from lostlink.reading.too_long import TooLong, remark_of, warnings_of
 from tests.unit.lostlink.replay.flown import scenario_of
 
 MS, S = 1_000_000, 1_000_000_000
@@ -251,10 +252,17 @@ def test_packets_that_are_too_long_are_warned_of_with_what_to_do() -> None:
         "node 1: 1 of 4 packets that it transmitted were longer than the medium tdma has room for, and were lost "
         "(too_long_for_a_slot; the longest has 100 bytes): transmit less in a packet, or give the medium more room",
     ]
-    assert account.remark == (
-        "medium tdma, 2 of 2 packets of node 0 too long, 1 of 4 packets of node 1 too long"
-    )
+    assert account.remark == "medium tdma, 3 of 6 packets of 2 nodes too long"
     json.dumps(account.plain)
+
+
+def test_of_many_nodes_with_packets_too_long_five_are_named() -> None:
+    found = [TooLong(f"ua-{number}", 10, 20, 2000, 1472) for number in range(500)]
+    *named, rest = warnings_of(found, "csma")
+    assert [text[:9] for text in named] == [f"node ua-{number}" for number in range(5)]
+    assert rest == "so were packets of 495 more nodes (air[].too_long of the summary has them all)"
+    assert remark_of(found) == "5000 of 10000 packets of 500 nodes too long"
+    assert remark_of(found[:1]) == "10 of 20 packets of node ua-0 too long"
 
 
 def test_a_network_without_packets_has_an_account() -> None:
