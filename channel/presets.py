@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -30,6 +31,7 @@ __all__ = [
     "radio_from_mapping",
     "radio_to_yaml",
     "seen_from",
+    "yaml_value",
 ]
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -138,10 +140,10 @@ def overrides_from_settings(settings: Iterable[str]) -> Tree:
         if not equals or not all(key.split(".")):
             raise PresetError(f"{setting!r} is not KEY=VALUE, as in propagation.exponent=2.5")
         try:
-            value = yaml.safe_load(text)
+            value = yaml_value(text)
         except yaml.YAMLError as error:
             raise PresetError(f"{text!r} is not a YAML value", key=key) from error
-        _put(out, key.split("."), _number_if_exponent(value))
+        _put(out, key.split("."), value)
     return out
 
 
@@ -154,14 +156,26 @@ def dotted_keys(tree: Mapping[str, Any], prefix: str = "") -> list[str]:
     return out
 
 
-def _number_if_exponent(value: object) -> object:
-    """Read 2.4e9 as a number: YAML 1.1 wants a sign in the exponent and gives a text otherwise."""
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
+class _ValueLoader(yaml.SafeLoader):
+    """Takes 1e3, 2.4e9 and -inf for numbers: YAML 1.1 wants dots and signs there, and gives texts otherwise."""
+
+
+_ValueLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^(?:[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+|[-+](?:inf|nan))$"),
+    list("-+.0123456789"),
+)
+
+
+def yaml_value(text: str) -> Any:
+    """Return the value that a text of a command line is; what it has in quotes stays text.
+
+    Raises:
+        yaml.YAMLError: it is not YAML.
+        ValueError: it is something that is none, as a date of the 45th.
+        RecursionError: it is nested too deeply.
+    """
+    return yaml.load(text, Loader=_ValueLoader)
 
 
 def _put(tree: Tree, keys: list[str], value: object) -> None:

@@ -45,13 +45,15 @@ class BySetting:
     Attributes:
         labels: what varies between settings, without the seed.
         runs: how many there are.
-        passed: how many of them passed.
+        passed: how many of them passed, and were measured.
+        failed: how many did not come to their end, or could not be measured.
         means: by column.
     """
 
     labels: Mapping[str, Any]
     runs: int
     passed: int
+    failed: int
     means: Mapping[str, Mean]
 
 
@@ -79,7 +81,8 @@ def by_setting(
         BySetting(
             {name: group[0].get(name) for name in varies},
             len(group),
-            sum(row.get("passed") is True for row in group),
+            sum(row.get("passed") is True and not row.get("failure") for row in group),
+            sum(bool(row.get("failure")) for row in group),
             {name: mean_of([row.get(name) for row in group if not row.get("failure")]) for name in columns},
         )
         for group in groups.values()

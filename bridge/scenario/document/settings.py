@@ -12,6 +12,7 @@ import yaml
 from bridge.scenario.document.merge import as_preset, names_a_preset, removes, same_id
 from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
+from channel.presets import yaml_value
 
 ALL_NODES = "*"
 
@@ -66,10 +67,10 @@ def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Se
     if not equals or not all(key.split(".")):
         raise ScenarioError(f"{told_as}: has to be KEY=VALUE, as in radio.noise.noise_figure_db=6")
     try:
-        plain = yaml.safe_load(value)
+        plain = yaml_value(value)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ScenarioError(f"{told_as}: {key}: {value!r} is not a YAML value") from error
-    return Setting(key, _number_if_exponent(plain), told_as, folder)
+    return Setting(key, plain, told_as, folder)
 
 
 def with_settings(root: Written, settings: Iterable[Setting]) -> Written:
@@ -82,16 +83,6 @@ def with_settings(root: Written, settings: Iterable[Setting]) -> Written:
         value = written_at(setting.value, WrittenPlace(setting.told_as, None, setting.folder))
         root = _Setter(root, setting, value).put(root, (), setting.steps)
     return root
-
-
-def _number_if_exponent(value: object) -> object:
-    """Read 2.4e9 as a number: YAML 1.1 wants a dot and a sign and gives a text otherwise."""
-    if isinstance(value, str) and value[:1] in "+-.0123456789":
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
 
 
 @dataclass(frozen=True, slots=True)

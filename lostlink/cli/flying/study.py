@@ -154,11 +154,13 @@ def _print_settings(ours: Study, rows: list[dict[str, Any]], whole: list[dict[st
     table = Table(box=box.SIMPLE_HEAD)
     for label in settings[0].labels:
         table.add_column(label, overflow="fold")
-    for name in ("runs", "passed", *shown):
+    failed = ["failed"] if any(one.failed for one in settings) else []
+    for name in ("runs", "passed", *failed, *shown):
         table.add_column(name, justify="right", overflow="fold")
     for one in settings[:LINES_MAX]:
         means = [_mean_of(one, name) for name in shown]
-        table.add_row(*map(str, one.labels.values()), str(one.runs), str(one.passed), *means)
+        counts = [one.runs, one.passed, *([one.failed] if failed else [])]
+        table.add_row(*map(str, one.labels.values()), *map(str, counts), *means)
     print_table(table)
     click.echo("means over the seeds ± standard error")
     for count, what in ((len(names) - len(shown), "numbers"), (len(settings) - LINES_MAX, "settings")):
@@ -173,10 +175,14 @@ def _mean_of(one: BySetting, name: str) -> str:
 
 
 def _tell_not_passed(rows: list[dict[str, Any]], console: Console) -> None:
-    count = sum(not row["failure"] and not row["passed"] for row in rows)
-    if count:
-        text = f"{count} of {len(rows)} runs did not pass: see the columns passed and verdict"
-        console.print(text, soft_wrap=True)
+    failed = sum(bool(row["failure"]) for row in rows)
+    not_passed = sum(not row["failure"] and not row["passed"] for row in rows)
+    for count, what in (
+        (failed, "failed, or could not be measured: see the column failure"),
+        (not_passed, "did not pass: see the columns passed and verdict"),
+    ):
+        if count:
+            console.print(f"{count} of {len(rows)} runs {what}", soft_wrap=True)
 
 
 def _interrupt(number: int, _: Any) -> None:

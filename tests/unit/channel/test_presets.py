@@ -182,6 +182,7 @@ def test_settings_become_overrides():
     assert config.propagation.exponent == 3.0
     assert config.frequency_hz == 2.4e9
     assert config.noise.model == "thermal"
+    assert presets.overrides_from_settings(["name='007'"]) == {"name": "007"}
 
 
 @pytest.mark.parametrize("setting", ["exponent", "=3", "a..b=1", "a=[1"])

@@ -29,13 +29,19 @@ def rows() -> list[dict[str, object]]:
 def test_settings_are_what_varies_but_the_seed_and_have_means_over_it() -> None:
     a, b = by_setting(rows(), LABELS, {"delivery_0_1"})
     assert (dict(a.labels), a.runs, a.passed) == ({"radio": "a"}, 3, 2)
-    assert (dict(b.labels), b.runs, b.passed) == ({"radio": "b"}, 4, 2), "one was not flown"
+    assert (dict(b.labels), b.runs, b.passed, b.failed) == ({"radio": "b"}, 4, 2, 1), "one was not flown"
     assert list(a.means) == ["far_m", "delivery"], (
         "the study's own first; ids, counts and links are not for people"
     )
     error = np.std(FAR_M["a"], ddof=1) / math.sqrt(3)
     assert (a.means["far_m"].value, a.means["far_m"].error) == (15.0, pytest.approx(error))
     assert b.means["far_m"] == Mean(5.0, 0.0, 2), "what is no number does not count"
+
+
+def test_a_run_that_could_not_be_measured_counts_as_failed_and_not_as_passed() -> None:
+    measured, other = rows()[0], {**rows()[0], "failure": "own.py:measure: ValueError: no"}
+    (only,) = by_setting([measured, other], LABELS)
+    assert (only.runs, only.passed, only.failed) == (2, 1, 1)
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,26 @@ def test_a_wind_may_be_spelt_out_or_changed() -> None:
     assert parse_scenario(it.to_yaml(), "again") == it
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e3", 1000.0),
+        ("-2.4E+9", -2.4e9),
+        (".5e-1", 0.05),
+        ("[1e3, {a: 2e3}]", [1000.0, {"a": 2000.0}]),
+        ("-inf", float("-inf")),
+        ('"1"', "1"),
+        ("'007'", "007"),
+        ('"1e3"', "1e3"),
+        ("1e3x", "1e3x"),
+        ("12", 12),
+    ],
+)
+def test_plain_numbers_are_numbers_and_what_is_quoted_stays_text(text: str, value: object) -> None:
+    read = parse_setting(f"nodes.0.agent.options.leader={text}").value
+    assert (read, type(read)) == (value, type(value))
+
+
 def test_values_are_yaml_and_take_the_place_of_what_was_there() -> None:
     it = changed(
         "nodes.4.agent={type: out_and_back, altitude_m: 30, distance_m: 9}", "transmit.every_ticks=4"
