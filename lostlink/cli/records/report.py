@@ -42,6 +42,8 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
 
     tell = Teller()
     try:
+        if out is not None and not out.parent.is_dir():
+            raise ValueError(f"--out {out}: there is no directory {out.parent}; make it first")
         found = load_run(run)
         content = content_of(found, tell)
         if out is not None or not as_json:

@@ -187,17 +187,21 @@ class Logger(Agent):
 """
 
 
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(("one", {"PYTHONHASHSEED": "1"}), marks=pytest.mark.long),
+        ("many", {"PYTHONWARNINGS": "ignore"}),
+    ],
+    ids=["anew", "many"],
+)
 def test_a_forgotten_await_is_told_and_changes_nothing_of_the_record(
-    start_run: StartRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    start_run: StartRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, other: tuple[str, dict[str, str]]
 ) -> None:
     """Forked from the command, started anew, in many processes, and whatever warnings Python was asked for."""
     (tmp_path / "logger.py").write_text(FORGETFUL)
     digests = []
-    for processes, environment in (
-        ("one", {}),
-        ("one", {"PYTHONHASHSEED": "1"}),
-        ("many", {"PYTHONWARNINGS": "ignore"}),
-    ):
+    for processes, environment in (("one", dict[str, str]()), other):
         with monkeypatch.context() as patched:
             for name, value in environment.items():
                 patched.setenv(name, value)

@@ -161,7 +161,7 @@ def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repea
     assert b"may not repeat: UA 1 was let go" in run.output
 
 
-@pytest.mark.parametrize("hosts", [pytest.param("1", marks=pytest.mark.slow), "per-ua"])
+@pytest.mark.parametrize("hosts", ["1", pytest.param("per-ua", marks=pytest.mark.slow)])
 def test_logs_tell_whose_they_are(start_run: StartRun, hosts: str) -> None:
     run = start_run(scenario=STILL.replace("radio:", f"hosts: {hosts}\nradio:"), duration_s=1.0)
     assert run.finish() == 0, run.output.decode()

@@ -226,7 +226,7 @@ def test_a_signal_may_come_at_any_moment() -> None:
     assert done.stdout == "ended each time\n", done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_a_signal_ends_it_and_leaves_nothing_behind(played: Any, number: signal.Signals) -> None:
     replay = played("--loop", "--speed", "50")
     place = replay.place

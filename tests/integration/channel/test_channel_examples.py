@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.fit_coverage import SETS, synthetic_log
+from channel.cli.law_plots import PLOTS
 from lostlink.cli.main import lostlink
 from tests.unit.bridge.record.tables.rows import fleet_columns, write_deliveries
 
@@ -37,7 +38,18 @@ def test_every_command_has_examples():
     assert {line.split()[0] for line in examples()} == set(COMMANDS)
 
 
-@pytest.mark.parametrize("line", [line for line in examples() if ".tlog" not in line])
+SHOWN_ELSEWHERE = ("figures ",)
+"""By a test of what it writes, for one radio of three."""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(line, marks=[pytest.mark.slow] if line.startswith(SHOWN_ELSEWHERE) else [])
+        for line in examples()
+        if ".tlog" not in line
+    ],
+)
 def test_examples_run(line, flight, monkeypatch):
     monkeypatch.chdir(flight)
     if "mine.yaml --ground-distance" in line:
@@ -46,3 +58,7 @@ def test_examples_run(line, flight, monkeypatch):
     result = CliRunner().invoke(lostlink, shlex.split(line))
     assert result.exit_code == 0, result.output
     assert result.output.strip()
+    if line.startswith("laws "):
+        pictures = [*PLOTS, "fading", "shadowing", "line-of-sight"]
+        assert result.stdout.splitlines() == [f"laws/{name}.png" for name in pictures]
+        assert all((flight / f"laws/{name}.png").read_bytes().startswith(b"\x89PNG") for name in pictures)

@@ -55,15 +55,15 @@ def test_a_killed_worker_ends_the_run_with_its_name():
     assert all(is_gone(pid) for pid in pids)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_the_whole_process_group_leaves_the_end_to_who_started_the_workers(number):
+def test_signals_to_the_whole_process_group_leave_the_end_to_who_started_the_workers():
     events = []
     exchange = FleetExchange(
         fleet(2), workers=2, on_event=lambda event: events.append(event) or exchange.stop()
     )
     try:
         for pid in exchange.worker_pids:
-            os.kill(pid, number)
+            os.kill(pid, signal.SIGINT)
+            os.kill(pid, signal.SIGTERM)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             packet = ServoPacket(400, 0, (1000,) * 16)
             sock.sendto(encode_servo_packet(packet), ("127.0.0.1", exchange.ports[1]))

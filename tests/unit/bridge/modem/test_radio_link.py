@@ -34,7 +34,7 @@ def test_a_link_keeps_no_frame_of_the_past(radio: str) -> None:
     assert not list(world._world.first_transmissions())
 
 
-@pytest.mark.parametrize("radio", ["elrs-900-200", "elrs-2.4-333full"])
+@pytest.mark.parametrize("radio", ["elrs-900-200", pytest.param("elrs-2.4-333full", marks=pytest.mark.long)])
 def test_link_quality_of_a_link_without_losses_is_whole(radio: str) -> None:
     """The firmware tells 100 % as 254; a frame that is still on the air is no loss."""
     link = link_of(radio)
