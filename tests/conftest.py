@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import lzma
 import os
-import socket
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from hypothesis import settings
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.run.px4 import find_px4
+from tests.slots import lock, slot_is_free, slots_of_this_process
 from tests.warm import OF_NO_RUN
 
 settings.register_profile("any machine", deadline=None, max_examples=40)
@@ -73,52 +74,19 @@ def px4_home(tmp_path: Path) -> Path:
     return home
 
 
-def _is_free(kind: socket.SocketKind, port: int) -> bool:
-    with socket.socket(type=kind) as probe:
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
-
-
-def _slot_is_free(slot: int, count: int) -> bool:
-    tcp = [
-        base + 10 * (slot + i) + extra
-        for i in range(count)
-        for base, extra in ((5760, 0), (5760, 2), (5760, 3))
-    ]
-    tcp += [base + 10 * (slot + i) for i in range(count) for base in (6760, 8760)]
-    tcp += [4560 + slot + i for i in range(count)]
-    udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501, 5760, 5761)]
-    return all(_is_free(socket.SOCK_STREAM, p) for p in tcp) and all(
-        _is_free(socket.SOCK_DGRAM, p) for p in udp
-    )
-
-
-SLOTS, SLOTS_FOR_MANY = 100, 230
-"""At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). More than three processes need
-more slots than that."""
-
-
-def _slots_of_this_process() -> range:
-    """Slots that no other test process of this session uses."""
-    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
-    first = 20 + worker * size
-    return range(first + os.getpid() % 8, first + size)
-
-
 @pytest.fixture
-def free_slot() -> Callable[[int], int]:
-    """Find a port slot at which ``count`` UA find all their ports free; each call gives another."""
-    candidates = iter(_slots_of_this_process())
+def free_slot() -> Iterator[Callable[[int], int]]:
+    """Find a port slot at which ``count`` UA find all their ports free; each call gives another.
 
-    def find(count: int) -> int:
-        slot = next(s for s in candidates if _slot_is_free(s, count))
-        for _ in range(count - 1):
-            next(candidates)
-        return slot
+    It is locked until the test ends: another session of tests on this machine would find its ports free, too.
+    """
+    candidates = iter(slots_of_this_process())
+    with ExitStack() as held:
 
-    return find
+        def find(count: int) -> int:
+            slot = next(s for s in candidates if slot_is_free(s, count) and lock(range(s, s + count), held))
+            for _ in range(count - 1):
+                next(candidates)
+            return slot
+
+        yield find

@@ -1,0 +1,64 @@
+"""Port slots for tests: free, and not those of other sessions of tests on this machine."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import tempfile
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+
+LOCKS = Path(tempfile.gettempdir()) / f"lostlink-test-slots-{os.getuid()}"
+
+
+def _is_free(kind: socket.SocketKind, port: int) -> bool:
+    with socket.socket(type=kind) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def slot_is_free(slot: int, count: int) -> bool:
+    tcp = [
+        base + 10 * (slot + i) + extra
+        for i in range(count)
+        for base, extra in ((5760, 0), (5760, 2), (5760, 3))
+    ]
+    tcp += [base + 10 * (slot + i) for i in range(count) for base in (6760, 8760)]
+    tcp += [4560 + slot + i for i in range(count)]
+    udp = [base + 10 * (slot + i) for i in range(count) for base in (9002, 5501, 5760, 5761)]
+    return all(_is_free(socket.SOCK_STREAM, p) for p in tcp) and all(
+        _is_free(socket.SOCK_DGRAM, p) for p in udp
+    )
+
+
+SLOTS, SLOTS_FOR_MANY = 100, 230
+"""At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). More than three processes need
+more slots than that."""
+
+
+def slots_of_this_process() -> range:
+    """Slots that no other process of this session of tests uses."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
+    first = 20 + worker * size
+    return range(first + os.getpid() % 8, first + size)
+
+
+def lock(slots: Iterable[int], held: ExitStack) -> bool:
+    """Lock slots until ``held`` is closed; False, and none is locked, if somebody has one of them."""
+    LOCKS.mkdir(exist_ok=True)
+    with ExitStack() as trial:
+        for slot in slots:
+            file = trial.enter_context((LOCKS / str(slot)).open("w"))
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return False
+        held.enter_context(trial.pop_all())
+    return True
