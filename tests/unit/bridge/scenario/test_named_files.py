@@ -9,7 +9,7 @@ import pytest
 
 from bridge.scenario.file import SCENARIOS, read_scenario
 from bridge.scenario.resolve.flight import wind_of
-from bridge.scenario.resolve.named_files import named_code, named_files
+from bridge.scenario.resolve.named_files import _laws, _Named, named_code, named_files
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\
@@ -97,6 +97,22 @@ def test_code_on_the_path_of_agents_expectations_and_models(
     found = {str(file.relative_to(package)) for file in code.files if file.is_relative_to(package)}
     assert found == {"agent.py", "antenna.py", "judge.py"}
     assert code.packages == {"numpy": metadata.version("numpy")}
+
+
+def test_a_model_that_a_package_brings_by_name_is_code_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about = tmp_path / "leafy_here-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: leafy-here\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[lostlink.propagation]\nleafy = leafy_here:Leafy\n")
+    (tmp_path / "leafy_here.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    _laws.cache_clear()
+    named = _Named()
+    named.add(Path(), "leafy")
+    _laws.cache_clear()
+    assert named.files == {tmp_path / "leafy_here.py"}
 
 
 def test_what_ships_goes_by_name() -> None:
