@@ -26,7 +26,7 @@ def link_of(radio: str, distance_m: float = 20.0) -> RadioLink:
 @pytest.mark.parametrize("radio", ["sik-433", "elrs-900-200"])
 def test_a_link_keeps_no_frame_of_the_past(radio: str) -> None:
     link = link_of(radio)
-    for tenth in range(60):
+    for tenth in range(45):
         link.receive(AIR, heartbeat(), tenth * 100 * MS)
         link.advance((tenth + 1) * 100 * MS)
     world = link.pair._medium.world

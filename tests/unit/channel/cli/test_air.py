@@ -23,7 +23,7 @@ def results(*arguments: str) -> list[dict[str, Any]]:
 def test_no_more_is_carried_than_the_air_has_time_for() -> None:
     """Six nodes at 200 packets a second of 1400 bytes over 64 kb/s, in slots: at most 64 kb/s come through."""
     (load,) = results(
-        "tdma", "--length-bytes", "1400", "--load-bps", str(6 * 200 * 1400 * 8), "--duration", "20"
+        "tdma", "--length-bytes", "1400", "--load-bps", str(6 * 200 * 1400 * 8), "--duration", "10"
     )
     assert load["delivered_bps"] < 64_000.0
     assert load["lost"]["queue_full"] > 0.8 * load["sent"]
