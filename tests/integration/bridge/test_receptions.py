@@ -34,7 +34,7 @@ def test_power_snr_number_and_age_of_each_packet(start_run: StartRun, tmp_path: 
     own = f"{{{{type: own, class: {tmp_path}/listener.py:Listener, options: {{{{raw: true}}}}, has_task: false}}}}"
     first, _, rest = STILL.rpartition("{{type: still}}")
     scenario = (first + own + rest).replace("moon2020", "corrected") + PROBE
-    run = start_run(scenario=scenario, duration_s=8.0, speed="4", processes=processes)
+    run = start_run(scenario=scenario, duration_s=16.0, speed="4", processes=processes)
     run.wait_for("sim time")
     beside: list[tuple[str, Reception]] = []
     like_agent: list[tuple[int, str, Reception]] = []

@@ -220,7 +220,8 @@ def test_a_wind_map_that_is_not_there_is_told_before_the_start(tmp_path: Path) -
     (tmp_path / "mission.yaml").write_text(text)
     done = lostlink("run", "mission.yaml", cwd=tmp_path)
     assert done.returncode == 2
-    assert f"lostlink: wind: {tmp_path / 'nothing.nc'}: No such file" in done.stderr
+    wind = f"lostlink: {tmp_path / 'air.yaml'}: map.file: there is no file {tmp_path / 'nothing.nc'}"
+    assert f"{wind} (named at mission.yaml:16: wind)" in done.stderr
 
 
 def test_json_output_is_the_summary_and_nothing_else(start_run: StartRun) -> None:

@@ -77,9 +77,9 @@ def test_the_table_of_a_medium_is_as_good_as_the_quadrature(shadowing):
 
 
 def test_a_sigma_of_its_own_needs_a_table():
-    with pytest.raises(PresetError, match="sigma_db is missing"):
+    with pytest.raises(PresetError, match=r"shadowing\.sigma_db: is missing"):
         presets.load_radio("corrected", {"shadowing": {"sigma_db": None}})
-    with pytest.raises(PresetError, match="sigma_db is missing"):
+    with pytest.raises(PresetError, match=r"shadowing\.sigma_db: is missing"):
         radio("al-hourani", shadowing={"sigma_db": None})
     assert NormalShadowing(sigma_db=3.0).in_sight(False) == 3.0
 
