@@ -2,8 +2,8 @@
 
 Then the same of powers that the channel did not draw (`worlds`), a hundred times each.
 
-``LOSTLINK_VERDICTS=200`` judges so many right runs of each preset: about 3 s of CPU a run, four hours in all; the 50 of
-without take one.
+``LOSTLINK_VERDICTS=200`` judges so many right runs of each preset: about 3 s of CPU a run, four hours in all; the 50
+without it take one.
 """
 
 import os
