@@ -15,7 +15,8 @@ from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
 from channel.numbers.units import db_from_ratio, ratio_from_db
-from channel.variant import Settings, Variant
+from channel.variant import Variant
+from sitl_configs.settings import Settings
 
 DIPOLE_PEAK = 1.640922
 """Directivity of a half-wave dipole, 2.151 dBi (Balanis, Antenna Theory, sec. 4.6)."""

@@ -33,7 +33,8 @@ from channel.propagation.terrain import Terrain
 from channel.propagation.trial import try_law
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
-from channel.variant import Settings, Variant, refused
+from channel.variant import Variant
+from sitl_configs.settings import Settings, refused
 
 SHADOWING_METHODS = (
     "is_random",

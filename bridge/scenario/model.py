@@ -38,8 +38,8 @@ from bridge.scenario.sections import AUTO, FlightDynamics, MavlinkSettings, Orig
 from fdm.air.weather import WeatherConfig
 from fdm.clock.status import SPEED_RANGE
 from fdm.exchange.aircraft_spec import px4_port
-from fdm.settings import refused
 from fdm.wire.legacy import legacy_ports
+from sitl_configs.settings import refused
 
 SCHEMA = 1
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -19,7 +19,7 @@ from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting
 from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
-from fdm.settings import refused
+from sitl_configs.settings import refused
 
 AutopilotName = Literal["standin", "ardupilot", "px4", "external"]
 """Who flies a UA."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any
 from unicodedata import normalize
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
-from fdm.settings import without_truths
+from sitl_configs.settings import Settings
 
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
@@ -56,12 +56,7 @@ WindSetting = Annotated[str | dict[str, Any], BeforeValidator(_wind)]
 """A wind's name, a file, or a mapping."""
 
 
-class Part(BaseModel):
-    """Part of a scenario: unknown keys are refused, so are truths for numbers, and nothing changes once it is read."""
+class Part(Settings):
+    """Part of a scenario: infinity is a number where no bound is said."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _numbers_are_no_truths(cls, content: Any) -> Any:
-        return without_truths(cls, content)
+    model_config = ConfigDict(allow_inf_nan=True)

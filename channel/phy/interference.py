@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from channel.checks import ChannelInputError, FloatArray
 from channel.numbers.units import dbm_from_watt, watt_from_dbm
 from channel.phy.spectrum import Rows, masked
-from channel.variant import Settings
+from sitl_configs.settings import Settings
 
 NS_PER_S = 1_000_000_000
 MAX_PULSED = 8

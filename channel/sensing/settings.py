@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from channel.variant import Settings, refused
+from sitl_configs.settings import Settings, refused
 
 NS_PER_S = 1e9
 Identifies = Literal["id", "frequency", "none"]

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from fdm.errors import WeatherError
 from fdm.model.airframe import Airframe
 from fdm.model.geodesy import Home
-from fdm.settings import FlightDynamicsPart
+from sitl_configs.settings import Settings
 
 SEA_LEVEL_TEMPERATURE_K = 288.15
 SEA_LEVEL_PRESSURE_HPA = 1013.25
@@ -34,7 +34,7 @@ HOME_RANGE_M = (-2000.0, 11_000.0)
 """Heights of home, above mean sea level, at which the formulas hold."""
 
 
-class WeatherConfig(FlightDynamicsPart):
+class WeatherConfig(Settings):
     """Temperature and pressure at home; without any of it the standard atmosphere.
 
     Attributes:

@@ -21,13 +21,13 @@ from fdm.config_file import read_model, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
-from fdm.settings import FlightDynamicsPart, refused
+from sitl_configs.settings import Settings, refused
 
 WINDS_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "wind"
 KNOT_MPS = 1852.0 / 3600.0
 
 
-class ConstantConfig(FlightDynamicsPart):
+class ConstantConfig(Settings):
     """The same wind everywhere.
 
     Attributes:
@@ -46,7 +46,7 @@ class ConstantConfig(FlightDynamicsPart):
         return (-self.speed_mps * cos(angle), -self.speed_mps * sin(angle), -self.up_mps)
 
 
-class GustConfig(FlightDynamicsPart):
+class GustConfig(Settings):
     """A discrete gust: rises and falls as 1 - cos, and holds between (MIL-F-8785C, 3.7.1.3).
 
     Attributes:
@@ -75,7 +75,7 @@ class GustConfig(FlightDynamicsPart):
         return self
 
 
-class TurbulenceConfig(FlightDynamicsPart):
+class TurbulenceConfig(Settings):
     """Dryden turbulence (MIL-F-8785C): give `level` or `w20_mps`.
 
     Attributes:
@@ -98,7 +98,7 @@ class TurbulenceConfig(FlightDynamicsPart):
         return self.w20_mps if self.w20_mps is not None else knots[self.level or "light"] * KNOT_MPS
 
 
-class MapConfig(FlightDynamicsPart):
+class MapConfig(Settings):
     """A wind map, see fdm.air.wind_map.
 
     Attributes:
@@ -110,7 +110,7 @@ class MapConfig(FlightDynamicsPart):
     outside: Literal["clamp", "error"] = "clamp"
 
 
-class WindConfig(FlightDynamicsPart):
+class WindConfig(Settings):
     """A wind: the sum of its parts.
 
     Attributes:

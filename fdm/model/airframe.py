@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from fdm.config_file import read_model, unknown
 from fdm.errors import AirframeError
-from fdm.settings import FlightDynamicsPart
+from sitl_configs.settings import Settings
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"
 """Where airframes are looked up by name."""
@@ -22,7 +22,7 @@ Sensor = Literal["rangefinder", "windvane"]
 PropertyName = Annotated[str, Field(pattern=r"^[A-Za-z_][\w./\[\]-]*$")]
 
 
-class ServoChannel(FlightDynamicsPart):
+class ServoChannel(Settings):
     """How one servo channel drives one JSBSim property: clip(sign * scale_per_us * (pwm - offset_us), range).
 
     Attributes:
@@ -52,7 +52,7 @@ class ServoChannel(FlightDynamicsPart):
         return self
 
 
-class JsbsimConfig(FlightDynamicsPart):
+class JsbsimConfig(Settings):
     """The JSBSim side of an airframe.
 
     Attributes:
@@ -71,7 +71,7 @@ class JsbsimConfig(FlightDynamicsPart):
     properties: dict[PropertyName, float] = Field(default_factory=dict)
 
 
-class InitialConditions(FlightDynamicsPart):
+class InitialConditions(Settings):
     """Where a UA starts, over its home.
 
     Attributes:
@@ -83,7 +83,7 @@ class InitialConditions(FlightDynamicsPart):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 3.0
 
 
-class Px4Airframe(FlightDynamicsPart):
+class Px4Airframe(Settings):
     """What PX4 needs to know to fly an airframe.
 
     Attributes:
@@ -104,7 +104,7 @@ class Px4Airframe(FlightDynamicsPart):
         )
 
 
-class Airframe(FlightDynamicsPart):
+class Airframe(Settings):
     """One airframe; see docs/reference/fdm-airframes.md for a worked example.
 
     Attributes:

@@ -17,10 +17,10 @@ from fdm.model.air_point import StaticAir
 from fdm.model.geodesy import Home, geodetic_from_ned
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.truth import TrueState, Vector
-from fdm.settings import FlightDynamicsPart, refused
 from fdm.wire.px4 import hil
 from fdm.wire.px4.mavlink import FrameWriter
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX
+from sitl_configs.settings import Settings, refused
 
 SEA_LEVEL_DENSITY_KG_PER_M3 = 1.225
 """Of the International Standard Atmosphere, to which equivalent airspeed refers."""
@@ -46,7 +46,7 @@ Sigma = Annotated[float, Field(ge=0)]
 Rate = Annotated[int, Field(strict=True, ge=1, le=1000)]
 
 
-class Px4Sensors(FlightDynamicsPart):
+class Px4Sensors(Settings):
     """Rates and errors of the sensors of a UA that PX4 flies.
 
     Attributes:

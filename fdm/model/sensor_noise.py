@@ -16,7 +16,7 @@ from pydantic import Field
 from fdm.config_file import read_model
 from fdm.errors import SensorNoiseError
 from fdm.model.truth import Vector
-from fdm.settings import FlightDynamicsPart
+from sitl_configs.settings import Settings
 
 Sigma = Annotated[float, Field(ge=0)]
 Sense = Callable[[], tuple[float, ...]]
@@ -25,7 +25,7 @@ _COUNT = 16
 _GYRO, _ACCEL, _POSITION, _VELOCITY, _AIRSPEED = slice(0, 3), slice(3, 6), slice(6, 9), slice(12, 15), 15
 
 
-class SensorNoise(FlightDynamicsPart):
+class SensorNoise(Settings):
     """Errors of one UA's sensors; what is not given is free of error.
 
     Attributes:

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
+PACKAGES = ("aps", "bridge", "channel", "fdm", "lostlink", "sitl_configs", "standin")
 LINES_MAX = 60
 DEFINED = re.compile(r"( *)(?:async )?(?:def|class) ")
 

@@ -15,7 +15,8 @@ from channel.access.timing import NS_PER_S, BitRate
 from channel.access.world import World
 from channel.numbers.units import ratio_from_db
 from channel.phy.spectrum import Rows, captured_db, reaches
-from channel.variant import Settings, Variant
+from channel.variant import Variant
+from sitl_configs.settings import Settings
 
 if TYPE_CHECKING:
     from channel.config import RadioConfig

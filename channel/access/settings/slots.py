@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from channel.access.media.schedule import Schedule, Slot
 from channel.access.timing import NS_PER_S
-from channel.variant import Settings
+from sitl_configs.settings import Settings
 
 
 def _ids(value: Any) -> Any:

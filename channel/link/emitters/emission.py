@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from channel.variant import Settings
+from sitl_configs.settings import Settings
 
 NS_PER_S = 1_000_000_000
 

@@ -1,4 +1,4 @@
-"""The base of what files of the flight dynamics say: frozen, validated, unknown keys refused."""
+"""The base of what configuration files say: frozen, validated, unknown keys and truths for numbers refused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 
-class FlightDynamicsPart(BaseModel):
+class Settings(BaseModel):
     """A group of keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -18,7 +18,7 @@ class FlightDynamicsPart(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _numbers_are_no_truths(cls, content: Any) -> Any:
-        return without_truths(cls, content)
+        return _numbers_only(cls, content)
 
 
 def refused(text: str, *key: str | int) -> ValidationError:
@@ -42,20 +42,20 @@ class _NoNumber:
         return str(self._value).lower()  # as YAML has it
 
 
-def without_truths(model: type[BaseModel], content: Any) -> Any:
+def _numbers_only(model: type[BaseModel], content: Any) -> Any:
     """Return a mapping that a model is to be made of, with what no number may be made of in the place of booleans."""
     if not isinstance(content, Mapping):
         return content
     numbers = _numeric_keys(model)
-    return {key: _without_truths(value) if key in numbers else value for key, value in content.items()}
+    return {key: _without_truth(value) if key in numbers else value for key, value in content.items()}
 
 
-def _without_truths(value: Any) -> Any:
+def _without_truth(value: Any) -> Any:
     if isinstance(value, bool):
         return _NoNumber(value)
     if isinstance(value, list | tuple):
-        return [_without_truths(each) for each in value]
-    return {key: _without_truths(each) for key, each in value.items()} if isinstance(value, dict) else value
+        return [_without_truth(each) for each in value]
+    return {key: _without_truth(each) for key, each in value.items()} if isinstance(value, dict) else value
 
 
 @cache
