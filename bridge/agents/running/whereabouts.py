@@ -9,10 +9,11 @@ import traceback
 from pathlib import Path
 from typing import Final
 
-_OURS: Final = ("aps", "bridge", "channel", "fdm", "lostlink", "standin")
+from bridge.scenario.resolve.modules import OURS
+
 _NOT_THEIRS: Final = (
     "<",
-    *(f"{Path(__file__).parents[3] / package}{os.sep}" for package in _OURS),
+    *(f"{Path(__file__).parents[3] / package}{os.sep}" for package in OURS),
     *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
 )
 """What the names of files begin with that are no agent's: Python's, those of installed packages, and ours."""

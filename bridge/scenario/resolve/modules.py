@@ -41,9 +41,7 @@ class Modules:
 
     def __init__(self, place: str) -> None:
         self._beside = [str(Path(place).absolute().parent)] if place.endswith(CODE) else []
-        rest = [
-            each for each in sys.path if each not in _put_first
-        ]  # those of other files are not for this one
+        rest = [each for each in sys.path if each not in _put_first]  # folders of other files are not for it
         self.path = tuple(os.path.abspath(each) for each in (*self._beside, *rest))  # noqa: PTH100
 
     def found(self, name: str) -> list[ModuleSpec]:
