@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 from channel.draws import Draws
 from channel.fading import place_field, scatter
+from channel.fading.blocks import CLARKE
+from channel.fading.waves import PLACE_STEPS_PER_M, TABLE_BITS, TIME_STEP_S
 from channel.link.radio import Radio
 from channel.medium.judge.check import Check, Unjudged, spread_check
 from channel.medium.judge.correlation import (
@@ -37,6 +39,7 @@ from channel.medium.judge.heard import HeardPower, HeardPowers
 from channel.medium.judge.spots import Spots
 from channel.medium.judge.two_powers import ROWS, change_in_steps, changes_in_steps
 from channel.numbers import special
+from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
 DRAWS = 127
 """For each pair; the size of the test holds with any number."""
@@ -54,6 +57,10 @@ FINEST = 0.02
 """Of a decorrelation distance: over shorter ways a sum of few waves is smoother than the law that it stands for."""
 MOST_MOVED = 0.25
 """By which the mean square of such a pair may depend on whether shadowing changes at all; else it is not taken."""
+RESOLVED = 8.0
+"""Steps of the channel's fading by which it changes within a pair, rms, so that rounding adds a part in 384 at most."""
+UNCHANGED = 1e-12
+"""Mean square change of the scattered field of which the steps show none."""
 STEP_NS = 250_000_000
 """At which pairs are looked at until they are over their way."""
 NEVER_NS = 1 << 62
@@ -136,15 +143,19 @@ class Changes:
         over_m = float(np.linalg.norm(look.ends_ned_m - first.ends_ned_m, axis=-1).sum())
         if over_m < question.over * spacing_m:
             return STEP_NS
+        law = correlations(first, HeardPowers.of([look]))
+        if not _is_resolved(first.radio, law):
+            return look.sim_time_ns - first.sim_time_ns
         del self._first[look.link]
         if not question.over or over_m < MOST_OVER * question.over * spacing_m:
-            pair = self._pair(first, look, is_fine=0.0 < over_m < FINEST * spacing_m)
+            pair = self._pair(first, look, law, is_fine=0.0 < over_m < FINEST * spacing_m)
             self._pairs += [pair] if pair else []
         return apart_ns(look.radio)
 
-    def _pair(self, first: HeardPower, second: HeardPower, is_fine: bool) -> PowerChange | None:
+    def _pair(
+        self, first: HeardPower, second: HeardPower, law: Correlations, is_fine: bool
+    ) -> PowerChange | None:
         """Return the pair as judged; None if it turns on steps that the channel's fields over place do not resolve."""
-        law = correlations(first, HeardPowers.of([second]))
         defect = self._question.defect(first.radio, law)
         uniform = first.uniforms(self._draws, self._question.name, (2 * ROWS + 1) * DRAWS + 1)
         rows = uniform[:-1].reshape(-1, DRAWS)
@@ -182,6 +193,24 @@ def _scores(found: NDArray[np.int64], drawn: NDArray[np.int64], v: FloatArray) -
     """Return normal scores of ranks among numbers in rising order, ties broken by v, uniform over (0, 1)."""
     low, high = (np.searchsorted(drawn, found, side=side) for side in SIDES)
     return np.asarray(special.ndtri((low + v * (high - low + 1)) / (drawn.size + 1)))
+
+
+def _is_resolved(radio: Radio, law: Correlations) -> bool:
+    """Return whether scattered fields change not at all, or by more than the channel's steps of place, time and phase.
+
+    By less they change by rounding: within half a millisecond of a hover powers change twice as much as by the law.
+    """
+    fading = radio.config.fading
+    if not fading.is_random or fading.coherence != "doppler":
+        return True
+    steps = (
+        2.0**-TABLE_BITS,
+        radio.config.frequency_hz / SPEED_OF_LIGHT_MPS / PLACE_STEPS_PER_M,
+        CLARKE / fading.max_coherence_s * TIME_STEP_S,
+    )
+    coarse = (2.0 * math.pi * RESOLVED) ** 2 * sum(step * step for step in steps)
+    changed = 2.0 * (1.0 - float(law.fading[0]))
+    return changed < UNCHANGED or changed >= min(coarse, 1.0)
 
 
 def _lasting(radio: Radio, law: Correlations) -> float:

@@ -1,4 +1,4 @@
-"""Packets of a mesh follow each other in milliseconds: how shadowing changes over millimetres is not judged."""
+"""Packets of a mesh follow each other in tens of milliseconds: how shadowing changes over centimetres is not judged."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 
 NODES = 3
-PERIOD_NS, GAP_NS = 2_500_000_000, 2_000_000
+PERIOD_NS, GAP_NS = 2_500_000_000, 40_000_000
 SPEED_MPS = np.array([0.0, 0.0, -2.5])  # a climb
 HOME_M = np.array([[0.0, 0.0, -5.0], [180.0, 0.0, -5.0], [360.0, 0.0, -10.0]])
 
