@@ -1,8 +1,8 @@
 """The whole autopilot without I/O and without a clock: bytes in, bytes out.
 
-One turn: ``take_frame`` a datagram of the physics, ``mavlink.receive`` what the client sent until then,
-``step``, send ``mavlink.data_to_send()``, send the packet; likewise with each of the ``serials``. What it sends depends
-on those bytes alone.
+One turn: ``take_frame`` a frame of the physics, ``mavlink.receive`` what the client sent until then,
+``step``, send ``mavlink.data_to_send()``, send ``fdm.packet``; likewise with each of the ``serials``. What it sends
+depends on those frames and bytes alone.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from standin.vehicle.location import Location
 from standin.vehicle.parameters import StandinParameters
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.fdm_link import FdmLink
+from standin.wire.sensors import SensedFrame
 
 NO_SERIALS: Final[Mapping[int, int]] = MappingProxyType({})
 
@@ -54,19 +55,18 @@ class Autopilot:
         for port in self._ports:
             port.told_together = self._ports
 
-    def take_frame(self, datagram: bytes) -> bool:
-        """Take a datagram of the physics; return whether it is a new frame, on which to ``step``."""
-        frame = self.fdm.receive(datagram)
-        if frame is None:
+    def take_frame(self, frame: SensedFrame | None) -> bool:
+        """Take what the physics sent, None if it was no frame; return whether it is a new one, on which to ``step``."""
+        if not self.fdm.receive(frame) or frame is None:
             return False
         self.vehicle.sense(frame, self.fdm.sim_time_ns, self.fdm.step_s)
         return True
 
-    def step(self) -> bytes:
-        """Obey the clients, control the vehicle, report; return the servo packet that answers the frame."""
+    def step(self) -> None:
+        """Obey the clients, control the vehicle, report, answer the frame."""
         for port in self._ports:
             port.obey()
         outputs = self.vehicle.step()
         for port in self._ports:
             port.report()
-        return self.fdm.answer(outputs)
+        self.fdm.answer(outputs)

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from standin.autopilot import Autopilot
 from standin.client_socket import ClientSocket
 from standin.waiter import Waiter
+from standin.wire.sensors import parse_sensor_frame
 
 DATAGRAM_MAX_BYTES = 65536
 NEVER_S = float("-inf")
@@ -89,7 +90,7 @@ class AutopilotSockets:
             self.sent_s = NEVER_S
             return False
         autopilot = self.autopilot
-        if autopilot.take_frame(datagram):
+        if autopilot.take_frame(parse_sensor_frame(datagram)):
             for client in self._clients:
                 client.read()
             autopilot.step()

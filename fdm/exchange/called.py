@@ -1,4 +1,4 @@
-"""A UA whose autopilot is called, not reached over UDP: the same packets and frames pass, in the same order."""
+"""A UA whose autopilot is called, not reached over UDP: the same numbers pass, in the same order."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from fdm.clock.member import Member
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.hosted_aircraft import ExchangedAircraft, FlightModel
 from fdm.exchange.settings import Coupling
-from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, make_encoder
+from fdm.wire.sensor_frame import Numbers, SensorFrame, decode_sensor_frame, make_encoder, make_rounder
+from fdm.wire.servo_packet import Fields
 
 
 class CalledAutopilot(Protocol):
     """An autopilot in this process, deterministic: what it answers depends on what it was given alone."""
 
     @property
-    def packet(self) -> bytes:
-        """Its latest servo packet; before the first frame, the one that opens the exchange."""
+    def fields(self) -> Fields:
+        """Those of its latest servo packet; before the first frame, of the one that opens the exchange."""
 
-    def frame(self, datagram: bytes) -> bytes | None:
-        """Take a sensor frame; return the servo packet that answers it, or None if it answers none."""
+    def frame(self, numbers: Numbers) -> Fields | None:
+        """Take a sensor frame; return the fields of the servo packet that answers it, or None if it answers none."""
 
 
 class CalledSeat:
@@ -35,13 +36,13 @@ class CalledSeat:
         coupling: of the exchange.
 
     Attributes:
-        packets: of the autopilot, that were not heard yet.
+        packets: fields of the autopilot's servo packets that were not heard yet.
 
     Raises:
         AirframeError: the model cannot be loaded.
     """
 
-    __slots__ = ("_autopilot", "aircraft", "member", "packets", "port")
+    __slots__ = ("_autopilot", "_encode", "aircraft", "member", "packets", "port")
 
     def __init__(
         self,
@@ -56,23 +57,25 @@ class CalledSeat:
         self.aircraft = ExchangedAircraft(
             member,
             build_model,
-            make_encoder(spec.airframe.sensors),
+            make_rounder(spec.airframe.sensors),
             spec.wind,
             spec.disturb,
             parallel=coupling == "parallel",
         )
+        self._encode = make_encoder(spec.airframe.sensors)
         self._autopilot = autopilot
-        self.packets: deque[bytes] = deque((autopilot.packet,))
+        self.packets: deque[Fields] = deque((autopilot.fields,))
 
-    def send(self, reply: bytes) -> None:
+    def send(self, reply: Numbers) -> None:
         """Have the autopilot fly a frame; its answer is in `packets`."""
-        packet = self._autopilot.frame(reply)
-        if packet is not None:
-            self.packets.append(packet)
+        fields = self._autopilot.frame(reply)
+        if fields is not None:
+            self.packets.append(fields)
 
     def last_frame(self) -> SensorFrame | None:
         """The last sensor frame that was sent."""
-        return decode_sensor_frame(self.aircraft.lockstep.reply)
+        numbers = self.aircraft.lockstep.reply
+        return decode_sensor_frame(self._encode(numbers)) if numbers else None
 
     def counters(self) -> dict[str, int]:
         """What the aircraft counted."""

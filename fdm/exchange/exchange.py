@@ -227,7 +227,8 @@ class Exchange:
         clock.update(time.monotonic_ns())
         if self._commands.waiting:
             self._commands.obey()
-        return self._service.take(seat, datagram, sender)
+        verdict = seat.aircraft.receive(datagram, sender, self._clock.wall_ns)
+        return self._service.take(seat, verdict)
 
     def _wait(self) -> None:
         """Wait for packets, wakes or the clock, and hear what has come."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from fdm.clock.member import Member
 from fdm.clock.pace import NEVER_NS
@@ -15,7 +15,7 @@ from fdm.model.geodesy import Home
 from fdm.model.plausible import plausible
 from fdm.model.truth import TrueState, Vector
 from fdm.wire.lockstep import STEPPING, FrameTimer, Lockstep, ServoVerdict
-from fdm.wire.sensor_frame import Encoder
+from fdm.wire.sensor_frame import Encoder, Rounder
 from fdm.wire.servo_packet import Fields, unpack_servo_packet
 
 WIND_PERIOD_NS = 10_000_000
@@ -66,7 +66,7 @@ class ExchangedAircraft:
         member: its place in the fleet clock.
         build_model: makes a flight model that stands at its home; called once now, and at each later boot of
             the autopilot.
-        encode: makes the sensor frame's datagram.
+        encode: makes the sensor frame's datagram, or the numbers that an autopilot gets which is called.
         wind: the air around it; None = still.
         disturb: turns a model's `sense` into what the sensors measure; None = they are exact.
         unpack: takes a datagram apart: a servo packet's fields, or why it is none.
@@ -111,7 +111,7 @@ class ExchangedAircraft:
         self,
         member: Member,
         build_model: Callable[[], FlightModel],
-        encode: Encoder,
+        encode: Encoder | Rounder,
         wind: Wind | None = None,
         disturb: Disturb | None = None,
         unpack: Callable[[bytes], Fields | str] = unpack_servo_packet,
@@ -205,8 +205,8 @@ class ExchangedAircraft:
             self._feel_the_wind()
         self.model.step(fields, fields[1])
 
-    def at_boot(self) -> bytes:
-        """The datagram of the UA as it stands at the boot of its autopilot, in still air, with exact sensors.
+    def at_boot(self) -> Any:
+        """The sensor frame, as encoded, of the UA at the boot of its autopilot: in still air, with exact sensors.
 
         The errors of the sensors, which are drawn frame by frame, begin with the first frame that is flown.
 
@@ -216,8 +216,8 @@ class ExchangedAircraft:
         self.lead_due = False
         return self._encode((BOOT_S, *self.model.sense()))
 
-    def measure(self) -> bytes:
-        """The reply's datagram after a step.
+    def measure(self) -> Any:
+        """The reply after a step: the sensor frame as encoded.
 
         Raises:
             ModelDivergedError: the flight model is lost.

@@ -64,14 +64,13 @@ class Service:
         self._blocked: list[Seat] = []
         self._seen_version = -1
 
-    def take(self, seat: Seat, datagram: bytes, sender: object) -> bool:
-        """Take a datagram of a live UA that is not waiting.
+    def take(self, seat: Seat, verdict: ServoVerdict | None) -> bool:
+        """Take the verdict on what a live UA said that was not waiting.
 
         Returns:
             Whether it asked for a frame that could be flown and answered at once, and there is nothing else to do.
         """
         clock, aircraft, member = self._clock, seat.aircraft, seat.member
-        verdict = aircraft.receive(datagram, sender, clock.wall_ns)
         if verdict is not ServoVerdict.ADVANCE:
             self._act(seat, verdict)
             return False
@@ -95,12 +94,14 @@ class Service:
 
     def hear_called(self, seat: CalledSeat) -> None:
         """Take what a called autopilot answered, and fly on until its UA has to wait."""
-        member, packets = seat.member, seat.packets
+        member, aircraft, packets = seat.member, seat.aircraft, seat.packets
         while packets:
-            if member.live and not member.waiting:
-                self.take(seat, packets.popleft(), seat)
+            is_flying = member.live and not member.waiting
+            verdict = aircraft.asked(packets.popleft(), seat, self._clock.wall_ns)
+            if is_flying:
+                self.take(seat, verdict)
             else:
-                self._act(seat, seat.aircraft.receive(packets.popleft(), seat, self._clock.wall_ns))
+                self._act(seat, verdict)
 
     def hear(self, seat: SocketSeat) -> None:
         """Read datagrams of one UA until one asks for a step, or there are none."""

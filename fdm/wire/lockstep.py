@@ -61,7 +61,7 @@ class Lockstep:
     Attributes:
         sender: source address of the latest packet that was not stale; replies go there. None before the
             first.
-        reply: the latest reply, for RESEND; empty before the first.
+        reply: the latest reply, as encoded, for RESEND; empty before the first.
         unread: answers that the autopilot has not shown to have read; each new packet shows that it read one. With
             none left it is blocked, and all that it had to say before its latest packet is said.
     """
@@ -73,7 +73,7 @@ class Lockstep:
         self._answered = -1
         self._answered_at_ns = 0
         self.sender: Any = None
-        self.reply = b""
+        self.reply: Any = b""
         self.unread = 0
 
     @property
@@ -96,7 +96,7 @@ class Lockstep:
             return ServoVerdict.ADVANCE
         return self._judge_unusual(frame_count, sender, wall_ns)
 
-    def answered(self, frame_count: int, reply: bytes, wall_ns: int) -> None:
+    def answered(self, frame_count: int, reply: Any, wall_ns: int) -> None:
         """Take note that `frame_count` was answered with `reply` at `wall_ns`."""
         self._answered = frame_count
         self.reply = reply

@@ -12,7 +12,7 @@ import struct
 from collections import Counter
 from collections.abc import Sequence
 
-from standin.wire.sensors import SensedFrame, parse_sensor_frame
+from standin.wire.sensors import SensedFrame
 
 MAGIC_16 = 18458
 CHANNELS = 16
@@ -25,8 +25,8 @@ class FdmLink:
     def __init__(self, frame_rate_hz: int) -> None:
         self._frame_rate_hz = frame_rate_hz
         self._frame_count = 0
-        self.packet = _PACKET.pack(MAGIC_16, frame_rate_hz, 0, *[0] * CHANNELS)
-        """The latest servo packet; the first one (frame 0, no output) opens the exchange."""
+        self.fields: tuple[int, ...] = (MAGIC_16, frame_rate_hz, 0, *[0] * CHANNELS)
+        """Those of the latest servo packet; the first one (frame 0, no output) opens the exchange."""
         self._timestamp_s: float | None = None
         self.sim_time_ns = 0
         """Time since boot: the sum of the timestamps' advances, the first one counting as an advance from
@@ -36,17 +36,21 @@ class FdmLink:
         self.events: Counter[str] = Counter()
         """``frames`` used, ``physics_resets``, and datagrams not used: ``malformed``, ``duplicate``."""
 
-    def receive(self, datagram: bytes) -> SensedFrame | None:
-        """Take one datagram; return its frame if the vehicle must step on it."""
-        frame = parse_sensor_frame(datagram)
+    @property
+    def packet(self) -> bytes:
+        """The latest servo packet."""
+        return _PACKET.pack(*self.fields)
+
+    def receive(self, frame: SensedFrame | None) -> bool:
+        """Take what came, None if it was no frame; return whether the vehicle must step on it."""
         if frame is None:
             self.events["malformed"] += 1
-            return None
+            return False
         previous_s = self._timestamp_s
         advance_s = frame.timestamp_s - (previous_s or 0.0)
         if previous_s is not None and advance_s == 0.0:
             self.events["duplicate"] += 1
-            return None
+            return False
         if advance_s < 0.0:
             self.events["physics_resets"] += 1
             advance_s = 0.0
@@ -54,14 +58,13 @@ class FdmLink:
         self.step_s = advance_s
         self.sim_time_ns += round(advance_s * 1e9)
         self.events["frames"] += 1
-        return frame
+        return True
 
-    def answer(self, servo_output_us: Sequence[int]) -> bytes:
-        """Return the next servo packet.
+    def answer(self, servo_output_us: Sequence[int]) -> None:
+        """Make the next servo packet.
 
         Args:
             servo_output_us: 16 PWM values in us, 0 = no output.
         """
         self._frame_count = (self._frame_count + 1) & 0xFFFFFFFF
-        self.packet = _PACKET.pack(MAGIC_16, self._frame_rate_hz, self._frame_count, *servo_output_us)
-        return self.packet
+        self.fields = (MAGIC_16, self._frame_rate_hz, self._frame_count, *servo_output_us)

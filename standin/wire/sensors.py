@@ -3,10 +3,13 @@
 The scheme is that of ArduPilot's SITL JSON backend: ``timestamp`` s, ``imu.gyro`` rad/s, ``imu.accel_body``
 m/s^2 (specific force), ``position`` m and ``velocity`` m/s (NED from home), ``attitude`` rad or
 ``quaternion`` wxyz (body to NED, wins if both are there), ``airspeed`` m/s if the physics knows it.
+Physics in this process passes these numbers as they are: time, rates, force, position, attitude (rad), velocity,
+airspeed, and those of further sensors, of which nothing is read.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from pydantic_core import from_json
@@ -20,6 +23,7 @@ POSITION_MAX_M = 1e6
 SPEED_MAX_MPS = 1e4
 RATE_MAX_RADPS = 1e3
 FORCE_MAX_MPS2 = 1e5
+ANGLE_MAX_RAD = 100.0
 
 
 class SensedFrame(NamedTuple):
@@ -59,6 +63,24 @@ def parse_sensor_frame(datagram: bytes) -> SensedFrame | None:
         return None
 
 
+def sensed_frame(numbers: Sequence[float]) -> SensedFrame | None:
+    """Return the frame of numbers that are passed, or None if they are not plausible."""
+    if not 0.0 <= numbers[0] <= TIMESTAMP_MAX_S or not -SPEED_MAX_MPS <= numbers[16] <= SPEED_MAX_MPS:
+        return None
+    try:
+        return SensedFrame(
+            numbers[0],
+            _bounded(numbers[1:4], RATE_MAX_RADPS),
+            _bounded(numbers[4:7], FORCE_MAX_MPS2),
+            _bounded(numbers[7:10], POSITION_MAX_M),
+            _bounded(numbers[13:16], SPEED_MAX_MPS),
+            quaternion_from_euler(*_bounded(numbers[10:13], ANGLE_MAX_RAD)),
+            numbers[16],
+        )
+    except ValueError:
+        return None
+
+
 def _frame_from(data: Any) -> SensedFrame | None:
     imu = data["imu"]
     timestamp_s = float(data["timestamp"])
@@ -88,7 +110,7 @@ def _bounded(values: Any, limit: float) -> Vector:
 
 def _attitude(data: Any) -> Quaternion:
     if "quaternion" not in data:
-        return quaternion_from_euler(*_bounded(data["attitude"], 100.0))
+        return quaternion_from_euler(*_bounded(data["attitude"], ANGLE_MAX_RAD))
     w, x, y, z = data["quaternion"]
     norm_squared = w * w + x * x + y * y + z * z
     if not QUATERNION_NORM_SQUARED_MIN <= norm_squared <= QUATERNION_NORM_SQUARED_MAX:

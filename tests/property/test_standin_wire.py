@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from fdm.wire.sensor_frame import make_encoder
+from fdm.wire.sensor_frame import make_encoder, make_rounder
 from standin.autopilot import Autopilot
 from standin.control.mixer import QUAD_X
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import StandinParameters
 from standin.wire.mavlink_codec import MavlinkCodec
-from standin.wire.sensors import parse_sensor_frame
+from standin.wire.sensors import parse_sensor_frame, sensed_frame
 
 HOME = Location(45.0, 10.0, 100.0)
 any_float = st.floats(allow_nan=True, allow_infinity=True, width=32)
@@ -33,7 +33,10 @@ def sensor_frame(timestamp_s: float, **changes: Any) -> bytes:
 
 
 def turn(made: Autopilot, datagram: bytes) -> bytes | None:
-    return made.step() if made.take_frame(datagram) else None
+    if not made.take_frame(parse_sensor_frame(datagram)):
+        return None
+    made.step()
+    return made.fdm.packet
 
 
 def say(made: Autopilot, *messages: Any) -> list[Any]:
@@ -228,3 +231,20 @@ def test_mixer_never_leaves_its_range(
 ) -> None:
     for command in QUAD_X.mix(throttle, roll, pitch, yaw, lowest):
         assert lowest - 1e-9 <= command <= 1.0 + 1e-9
+
+
+in_flight = st.tuples(
+    st.integers(0, 10**16).map(lambda ns: ns / 1e9),
+    *[st.floats(-limit, limit) for limit in (300.0, 5e4, 1e6, 7.0, 1e3) for _ in range(3)],
+    st.floats(-1e3, 1e3),
+)
+
+
+@given(in_flight)
+def test_numbers_that_are_passed_are_those_of_the_datagram(numbers: tuple[float, ...]) -> None:
+    """So that a stand-in flies the same in one process as in many."""
+    passed = sensed_frame(make_rounder()(numbers))
+    assert passed is not None
+    assert passed == parse_sensor_frame(make_encoder()(numbers))
+    for exact, rounded in zip(numbers, make_rounder()(numbers), strict=True):
+        assert abs(exact - rounded) <= 5.1e-6

@@ -14,6 +14,7 @@ from fdm.wire.servo_packet import unpack_servo_packet
 from standin.autopilot import Autopilot
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import StandinParameters
+from standin.wire.sensors import parse_sensor_frame
 
 RATE_HZ = 400
 COMMANDS = {4: [(176, 1.0, 4.0), (400, 1.0)], 5: [(22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)]}
@@ -28,9 +29,9 @@ def heights_of_a_takeoff(seed: int) -> list[float]:
     sense, encode = noise.disturb(seed=seed, ua_id=0)(model.sense), make_encoder(airframe.sensors)
     core = Autopilot(Location(45.0, 10.0, 100.0), StandinParameters(), frame_rate_hz=RATE_HZ, boot_unix_us=0)
     client = dialect.MAVLink(None, 255, 190)
-    heights_m, packet = [], core.fdm.packet
+    heights_m = []
     for frame in range(1, 25 * RATE_HZ):
-        fields = unpack_servo_packet(packet)
+        fields = unpack_servo_packet(core.fdm.packet)
         assert not isinstance(fields, str)
         model.step(fields, RATE_HZ)
         if frame % RATE_HZ == 0:
@@ -38,8 +39,8 @@ def heights_of_a_takeoff(seed: int) -> list[float]:
                 parameters = [*given, *[0.0] * (7 - len(given))]
                 request = dialect.MAVLink_command_long_message(1, 1, number, 0, *parameters)
                 core.mavlink.receive(request.pack(client))
-        assert core.take_frame(encode((frame / RATE_HZ, *sense())))
-        packet = core.step()
+        assert core.take_frame(parse_sensor_frame(encode((frame / RATE_HZ, *sense()))))
+        core.step()
         heights_m.append(-model.truth(0, 0).position_ned_m[2])
     return heights_m
 
