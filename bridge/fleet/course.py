@@ -34,14 +34,14 @@ class Course:
     Attributes:
         sim_time_ns: the latest tick.
         not_done: nodes whose agents have not flown what they were to fly: also one that was only to hold.
-        failure: an agent failed: the run ends with this, as soon as its tick is closed.
         ended: UA whose flight models diverged.
     """
 
     def __init__(self, scenario: Scenario, run: RunDirectory) -> None:
         self._scenario, self._run = scenario, run
         self.sim_time_ns = 0
-        self.failure: FleetError | None = None
+        self._failures: dict[str, tuple[int, FleetError]] = {}
+        """By node, with the sim time of its tick."""
         self.ended: set[str] = set()
         self.not_done = {
             node.node
@@ -53,6 +53,18 @@ class Course:
     def unfinished(self) -> frozenset[str]:
         """Nodes whose agents have a task and have not done it: what the run waits for."""
         return self._scenario.nodes_with_a_task & self.not_done
+
+    @property
+    def failure(self) -> FleetError | None:
+        """An agent failed: the run ends with this, as soon as its tick is closed.
+
+        Of several the earliest, and at one tick the first by the scenario: which is heard of first is a matter of chance.
+        """
+        if not self._failures:
+            return None
+        order = [node.node for node in self._scenario.transceivers]
+        first = min(self._failures, key=lambda node: (self._failures[node][0], order.index(node)))
+        return self._failures[first][1]
 
     def tick(self, clock: Clock) -> list[tuple[str, FleetError]]:
         """The clock has come to a tick; gives the UA whose models have diverged since, and what there is to say.
@@ -71,11 +83,12 @@ class Course:
 
     def agent(self, node: str, status: AgentStatus) -> AgentStatus:
         """A node's agent says what it does; gives it with the name of the node, whatever it said itself."""
-        if status.failed and self.failure is None:
+        if status.failed and node not in self._failures:
             log = self._run.log_path(f"node-{node}")
             where = f"; its log is {log}" if log.exists() else ""  # a program beside the run has its own
             title = self._scenario.title(node)
-            self.failure = FleetError(f"the agent of {title} failed: {status.activity}{where}")
+            error = FleetError(f"the agent of {title} failed: {status.activity}{where}")
+            self._failures[node] = status.header.stamp.ns, error
         if status.done:
             self.not_done.discard(node)
         return replace(status, header=Header(status.header.stamp, node))

@@ -275,8 +275,13 @@ class Fleet:
         had_failed = self.course.failure is not None
         status = self.course.agent(node, status)
         if self.course.failure is not None and not had_failed:
-            asyncio.get_running_loop().call_later(FAILURE_GRACE_S, self._settle, self.course.failure)
+            asyncio.get_running_loop().call_later(FAILURE_GRACE_S, self._give_up)
         self._observer.on_message(status)
+
+    def _give_up(self) -> None:
+        """The tick at which an agent failed was not closed."""
+        if self.course.failure is not None:
+            self._settle(self.course.failure)
 
     def end(self, header: Header) -> None:
         """The last tick is closed."""

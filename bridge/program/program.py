@@ -133,6 +133,7 @@ class Program:
             if done:
                 return
             if log_clock.now_ns == before_ns:
+                self._tell_clock()
                 self._radio.tell_what_is_waited_for()
 
     async def _entered(self, stack: AsyncExitStack, stop: asyncio.Event) -> bool:

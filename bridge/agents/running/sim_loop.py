@@ -154,7 +154,7 @@ class SimLoop(asyncio.BaseEventLoop):
 def _refuse(*_: object, **__: object) -> NoReturn:
     raise SimTimeError(
         "an agent lives in sim time: threads, sockets and subprocesses answer whenever the host lets them; compute in "
-        "the coroutine itself, or in a program beside the run that talks to the aircraft (bridge.agents.connect_ua)"
+        "the coroutine itself, or in a program beside the run that talks to the aircraft (lostlink.connect_ua)"
     )
 
 

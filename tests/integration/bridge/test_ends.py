@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -327,6 +328,7 @@ def test_a_run_with_an_agent_that_blocks_can_be_ended(
 ) -> None:
     run = start_run(scenario=with_an_agent_that(tmp_path, "block"), processes=processes)
     run.wait_for("no tick for")
+    assert re.search(r"sim time +2\.00 s, [^;]*; no tick for", run.output.decode())
     children = run.children()
     assert run.stop(signal.SIGINT) < 10.0
     assert run.process.returncode == 128 + signal.SIGINT
@@ -465,7 +467,7 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     children = run.children()
     assert run.finish(150.0) == 1
     assert run.summary["ending"] == "failed"
-    assert run.summary["error"].startswith("sim time has stood at ")
+    assert run.summary["error"].startswith("sim time has stood at 2.00 s for ")
     assert f"{run.directory}/logs/{host_of(processes)}.log: " in run.summary["error"]
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
