@@ -58,7 +58,7 @@ class Course:
     def failure(self) -> FleetError | None:
         """An agent failed: the run ends with this, as soon as its tick is closed.
 
-        Of several the earliest, and at one tick the first by the scenario: which is heard of first is a matter of chance.
+        Of several the earliest, and at one tick the first by the scenario: who is heard of first is a matter of chance.
         """
         if not self._failures:
             return None

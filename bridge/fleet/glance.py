@@ -8,7 +8,8 @@ from typing import TypeVar
 from bridge.bus.messages import AircraftState, DecodeError, Links, Message, decode
 
 LINKS_KEPT = 6
-"""Link reports come five times per second of sim time: the oldest kept is a second older than the newest."""
+"""Link reports come five times per second of sim time, or less often: the oldest kept is at least a second older."""
+LATELY_NS = 1_000_000_000
 M = TypeVar("M", bound=Message)
 Came = bytes | Message
 """A message, coded or not."""
@@ -51,13 +52,18 @@ class Glance:
         return {state.header.frame_id: state for state in decoded if state is not None}
 
     def links(self) -> tuple[Links, Links]:
-        """The newest report on all links, and the one a second of sim time before it, or the oldest there is."""
-        kept = list(self._links)
+        """The newest report on all links, and the last one that is a second of sim time older, or else the oldest.
+
+        Of a run that is faster than its reports that is longer ago.
+        """
+        kept = [links for each in list(self._links) if (links := self._decoded(each, Links)) is not None]
         if not kept:
             return Links(), Links()
-        newest = self._decoded(kept[-1], Links) or Links()
-        before = self._decoded(kept[0], Links) if len(kept) > 1 else None
-        return newest, before or Links(newest.header)
+        newest, *older = reversed(kept)
+        if not older:
+            return newest, Links()
+        until_ns = newest.header.stamp.ns - LATELY_NS
+        return newest, next((each for each in older if each.header.stamp.ns <= until_ns), older[-1])
 
     def _decoded(self, came: Came, cls: type[M]) -> M | None:
         try:

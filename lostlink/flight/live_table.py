@@ -22,7 +22,7 @@ class LinkNow:
         received_power_dbm: likewise; nan if it was hopeless.
         sent: so far.
         delivered: so far.
-        sent_lately: in the last second of sim time.
+        sent_lately: since an earlier report, a second of sim time or more ago.
         delivered_lately: likewise.
         is_off: whether the radio of an end is off.
     """
@@ -38,12 +38,12 @@ class LinkNow:
 
     @property
     def lost_lately(self) -> float:
-        """Share of the last second's packets; 0 if there were none."""
+        """Share of these packets; 0 if there were none."""
         return 1.0 - self.delivered_lately / self.sent_lately if self.sent_lately else 0.0
 
 
 def links_now(newest: Links, before: Links) -> list[LinkNow]:
-    """All links, from the newest report and one a second before it."""
+    """All links, from the newest report and an earlier one."""
     was = {
         (tx, rx): (sent, delivered)
         for tx, rx, sent, delivered in zip(before.tx, before.rx, before.sent, before.delivered, strict=True)
@@ -67,9 +67,20 @@ def links_now(newest: Links, before: Links) -> list[LinkNow]:
     return found
 
 
-def links_table(links: Sequence[LinkNow], rows_max: int) -> Table:
-    """A row per link; of more than ``rows_max`` those that lose most now, and one for all."""
-    table = _table("link", "distance, m", "power, dBm", "last second", "so far", "delivered")
+def lately(newest: Links, before: Links) -> str:
+    """Since when links are looked at: how much sim time is between two reports."""
+    return f"last {(newest.header.stamp.ns - before.header.stamp.ns) / 1e9:.1f} s"
+
+
+def links_table(links: Sequence[LinkNow], rows_max: int, since: str) -> Table:
+    """A row per link; of more than ``rows_max`` those that lose most now, and one for all.
+
+    Args:
+        links: as `links_now` gives them.
+        rows_max: rows at most.
+        since: as `lately` says it.
+    """
+    table = _table("link", "distance, m", "power, dBm", since, "so far", "delivered")
     shown = list(links)
     if len(links) > rows_max:
         shown = sorted(links, key=lambda link: -link.lost_lately)[: max(1, rows_max - 1)]

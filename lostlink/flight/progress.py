@@ -15,7 +15,7 @@ from rich.text import Text
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
-from lostlink.flight.live_table import LinkNow, links_now, links_table, ua_table
+from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
 
 REFRESH_PER_S = 2
 LINE_PERIOD_S = LOG_PERIOD_S
@@ -129,16 +129,16 @@ class Progress:
         return f"{self._phase} ({now_s - self._phase_s:.0f} s so far)"
 
     def _line(self) -> str:
-        states, links = self._look()
+        states, links, since = self._look()
         parts = [self._time()]
         parts += [_ua_text(node, states[node]) for node in sorted(states)[:IN_A_LINE_MAX]]
-        parts += [_link_text(link) for link in links[:IN_A_LINE_MAX]]
+        parts += [_link_text(link, since) for link in links[:IN_A_LINE_MAX]]
         return "; ".join(parts)
 
     # On a terminal.
 
     def _view(self) -> RenderableType:
-        states, links = self._look()
+        states, links, since = self._look()
         nodes = sorted({*states, *self._activity}, key=lambda node: (not node.isdecimal(), len(node), node))
         rows = max(2, min(ROWS_MAX, (self._console.height - OTHER_LINES) // 2))
         flying = self._phase == "flies"
@@ -147,13 +147,16 @@ class Progress:
         if nodes:
             parts.append(ua_table(states, self._activity, nodes, rows))
         if links:
-            parts.append(links_table(links, rows))
+            parts.append(links_table(links, rows, since))
         return Group(*parts)
 
     # Both.
 
-    def _look(self) -> tuple[dict[str, AircraftState], list[LinkNow]]:
-        return ({}, []) if self.glance is None else (self.glance.states(), links_now(*self.glance.links()))
+    def _look(self) -> tuple[dict[str, AircraftState], list[LinkNow], str]:
+        if self.glance is None:
+            return {}, [], ""
+        reports = self.glance.links()
+        return self.glance.states(), links_now(*reports), lately(*reports)
 
     def _time(self) -> str:
         clock = self._clock
@@ -172,10 +175,10 @@ def _ua_text(node: str, state: AircraftState) -> str:
     return " ".join([f"UA {node}", state.mode or "unheard", *told])
 
 
-def _link_text(link: LinkNow) -> str:
+def _link_text(link: LinkNow, since: str) -> str:
     is_drawn = not math.isnan(link.received_power_dbm)
     power = f"{link.received_power_dbm:.0f} dBm" if is_drawn else "hopeless"
     return (
         f"{link.name}: {link.distance_m:.0f} m, {power}, "
-        f"{link.delivered_lately}/{link.sent_lately} in the last second, {link.delivered}/{link.sent} delivered"
+        f"{link.delivered_lately}/{link.sent_lately} in the {since}, {link.delivered}/{link.sent} delivered"
     )

@@ -189,7 +189,7 @@ def test_an_aircraft_bridge_that_cannot_go_on_ends_the_run_by_name(start_run: St
 @pytest.mark.slow
 def test_a_killed_run_leaves_all_but_its_last_second(start_run: StartRun) -> None:
     run = start_run(speed="2")
-    run.wait_for("in the last second")  # the second line of progress, after ten seconds
+    run.wait_for(" in the last ")  # the second line of progress, after ten seconds
     processes = run.children()
     run.process.kill()
     run.process.wait(10.0)  # else it is there still, as a zombie

@@ -201,7 +201,7 @@ def test_an_interrupted_run_is_flown_again_to_its_last_whole_tick(
 ) -> None:
     run = start_run(speed="5")
     run.wait_for("sim time")
-    run.wait_for("in the last second")  # the second line of progress, after ten seconds
+    run.wait_for(" in the last ")  # the second line of progress, after ten seconds
     run.stop(signal.SIGINT)
     done = refly(run.directory, tmp_path, free_slot(2))
     assert done.returncode == 0, done.stdout + done.stderr

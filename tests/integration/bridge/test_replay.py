@@ -125,7 +125,7 @@ def is_the_same_again(scenario: str, tmp_path: Path, slot: int) -> None:
 @pytest.mark.slow
 def test_a_killed_run_is_decided_and_played_as_far_as_it_goes(start_run: StartRun) -> None:
     run = start_run(speed="4")
-    run.wait_for("in the last second")  # the second line of progress, after ten seconds
+    run.wait_for(" in the last ")  # the second line of progress, after ten seconds
     processes = run.children()
     run.process.kill()
     run.process.wait(10.0)

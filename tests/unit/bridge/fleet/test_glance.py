@@ -7,6 +7,7 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AircraftState, Header, Links, encode
 from bridge.fleet.glance import Glance
+from lostlink.flight.live_table import lately
 
 KEYS = Keys("looked-at")
 
@@ -16,8 +17,8 @@ def glance() -> Glance:
     return Glance()
 
 
-def links(second: int, sent: int) -> Links:
-    header = Header.at(second * 1_000_000_000, "")
+def links(second: float, sent: int) -> Links:
+    header = Header.at(round(second * 1e9), "")
     return Links(header, ("0", "1"), (0,), (1,), (10.0,), (-50.0,), (40.0,), (0.0,), (sent,), (sent - 1,))
 
 
@@ -34,7 +35,25 @@ def test_links_are_there_now_and_a_second_ago(glance: Glance) -> None:
         glance.links_came(encode(links(number, 4 * number)))
         newest, before = glance.links()
         assert newest.sent[0] == 4 * number
-        assert sum(before.sent) == (0 if number == 1 else 4 * max(1, number - 5))
+        assert sum(before.sent) == 4 * (number - 1)
+
+
+def test_lately_is_a_second_or_since_the_report_before_that(glance: Glance) -> None:
+    for tenths, sent in ((0, 1), (6, 2), (10, 3), (16, 4), (60, 5), (120, 6)):
+        glance.links_came(links(tenths / 10.0, sent))
+        newest, before = glance.links()
+        found = lately(newest, before), sum(newest.sent) - sum(before.sent)
+        assert (
+            found
+            == {
+                0: ("last 0.0 s", 1),
+                6: ("last 0.6 s", 1),
+                10: ("last 1.0 s", 2),
+                16: ("last 1.0 s", 2),
+                60: ("last 4.4 s", 1),
+                120: ("last 6.0 s", 1),
+            }[tenths]
+        )
 
 
 def test_what_cannot_be_read_is_counted(glance: Glance) -> None:

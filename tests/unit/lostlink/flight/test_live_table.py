@@ -45,9 +45,9 @@ def test_the_last_second_is_what_came_since_the_report_before() -> None:
 
 def test_a_row_for_each_link() -> None:
     newest = report((0, 1, -70.25, 50, 40), (1, 0, math.nan, 50, 50))
-    lines = text_of(links_table(links_now(newest, report()), 12))
+    lines = text_of(links_table(links_now(newest, report()), 12, "last 1.0 s"))
     assert lines == [
-        "link distance, m power, dBm last second so far delivered",
+        "link distance, m power, dBm last 1.0 s so far delivered",
         "0 -> 1 10.0 -70.2 40 / 50 40 / 50 80.0 %",
         "1 -> 0 10.0 - 50 / 50 50 / 50 100.0 %",
     ]
@@ -57,12 +57,12 @@ def test_a_link_with_a_radio_that_is_off_says_so() -> None:
     newest = report((0, 1, math.nan, 50, 40), (1, 2, -50.0, 50, 50), (2, 0, -50.0, 50, 50))
     found = links_now(replace(newest, radio_off=(0,)), report())
     assert [each.is_off for each in found] == [True, False, True]
-    assert text_of(links_table(found, 12))[1] == "0 -> 1 10.0 radio off 40 / 50 40 / 50 80.0 %"
+    assert text_of(links_table(found, 12, "last 1.0 s"))[1] == "0 -> 1 10.0 radio off 40 / 50 40 / 50 80.0 %"
 
 
 def test_of_many_links_those_that_lose_most_and_all_together() -> None:
     links = [link(f"0 -> {n}", 20, 20 - n) for n in range(10)]
-    lines = text_of(links_table(links, 4))
+    lines = text_of(links_table(links, 4, "last 1.0 s"))
     assert [line.split(" 10.0")[0] for line in lines[1:4]] == ["0 -> 9", "0 -> 8", "0 -> 7"]
     assert lines[4] == "all 10 - - 155 / 200 18000 / 20000 90.0 %"
     assert len(lines) == 5
