@@ -7,6 +7,7 @@ locked in the child for ever.
 from __future__ import annotations
 
 import atexit
+import gc
 import json
 import os
 import signal
@@ -52,6 +53,7 @@ def fork(body: Callable[[], int]) -> int:
 
 def _be_a_child(body: Callable[[], int], parent: int) -> NoReturn:
     status = 1
+    gc.freeze()  # what is our parent's is no garbage of ours, and looking through it would copy it
     try:
         for number in ENDING:
             if signal.getsignal(number) is not signal.SIG_IGN:
