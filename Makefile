@@ -10,6 +10,8 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 # Tests that wait leave a core idle: one worker more than cores.
 WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 5))")
 PYTEST := --numprocesses $(WORKERS) --dist worksteal
+# Files with tests that take long: each worker imports what it collects, and there are five times as many.
+SLOW = $$(grep -rlw slow tests --include='test_*.py')
 
 .PHONY: demo view test test-slow test-long repeat check docs bench bench-fdm bench-channel bench-aps schema lock api-docs clean help
 
@@ -26,7 +28,7 @@ test: $(VENV)/.dev  ## Run the tests.
 	$(BIN)/python -m pytest -m "not slow and not long" $(PYTEST)
 
 test-slow: $(VENV)/.dev  ## Run the tests that take long.
-	$(BIN)/python -m pytest -m "slow and not long" $(PYTEST)
+	$(BIN)/python -m pytest -m "slow and not long" $(PYTEST) $(SLOW)
 
 test-long: $(VENV)/.dev  ## Run the tests that take minutes, one after the other.
 	$(BIN)/python -m pytest -m long

@@ -59,13 +59,12 @@ def unique_bytes(process: psutil.Process) -> int:
 
 
 def memory_of(pid: int) -> dict[str, int]:
-    """Unique bytes of each process of a run, by pid and what it runs; real autopilots are left out."""
+    """Unique bytes of each process of a run, by pid and name; real autopilots are left out."""
     supervisor = psutil.Process(pid)
     found = {}
     for process in (supervisor, *supervisor.children(recursive=True)):
         if process.name() not in REAL:
-            words = [word for word in process.cmdline() if word.startswith("bridge.")]
-            found[f"{process.pid} {' '.join(words[:1])}"] = unique_bytes(process)
+            found[f"{process.pid} {process.name()}"] = unique_bytes(process)
     return found
 
 

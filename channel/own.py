@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -97,7 +97,13 @@ def _class_of(key: tuple[str, str], group: str) -> type[Variant]:
 
 @lru_cache(maxsize=8)
 def _entry_points(group: str) -> Any:
-    return {each.name: each for each in entry_points(group=f"lostlink.{group}")}
+    return {each.name: each for each in _all_entry_points().select(group=f"lostlink.{group}")}
+
+
+@cache
+def _all_entry_points() -> Any:
+    """What is installed, looked through once for all groups."""
+    return entry_points()
 
 
 def _from_text(text: str) -> object:

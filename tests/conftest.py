@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import lzma
 import os
 from collections.abc import Callable, Iterator
@@ -20,6 +21,11 @@ from tests.warm import OF_NO_RUN
 settings.register_profile("any machine", deadline=None, max_examples=40)
 settings.register_profile("many examples", deadline=None, max_examples=1000)
 settings.load_profile("any machine")
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays: the collector need not look through it again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

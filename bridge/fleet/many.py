@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 from bridge.bus.identity.roster import SUPERVISOR
@@ -28,6 +28,12 @@ MODULES = {
 """What runs as which process."""
 RECORDER = "router"
 """The process that writes the last part of the record."""
+
+
+def modules_of(hosts: Iterable[str]) -> dict[str, str]:
+    """The module of each process of ours by the process's name, with those of the hosts."""
+    ours = {name: MODULES[name] for name in ("router", "physics")}
+    return ours | dict.fromkeys(hosts, MODULES["host"])
 
 
 class ManyProcesses(Arrangement):

@@ -8,24 +8,21 @@ import socket
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from importlib import import_module
 
 from bridge.bus.messages import Message
 from bridge.bus.supervisor_socket import GO, SampleReader
 from bridge.fleet.arrangement import Arrangement
 from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.children.crew import Crew
-from bridge.fleet.children.forked import Play, Understudy, can_fork
 from bridge.fleet.course import FleetError
-from bridge.fleet.how import how_joined
 from bridge.fleet.tidings import Tidings
 from bridge.run.directory import RunDirectory
 from bridge.run.process import NodeLogs
-from bridge.scenario.model import Scenario
 from bridge.timeouts import FLIGHT_GRACE_S, ROUTER_GRACE_S, START_S
 
 NAME = "fleet"
-PROGRAM = (sys.executable, "-P", "-m", "bridge.program.process")
+MODULE = "bridge.program.process"
+PROGRAM = (sys.executable, "-P", "-m", MODULE)
 READ_BYTES = 1 << 16
 log = logging.getLogger(NAME)
 
@@ -72,7 +69,7 @@ class OneProcess(_OneProgram):
         with theirs:
             command = [*PROGRAM, "--run-dir", str(self._run.path), "--tell-fd", str(theirs.fileno())]
             command += ["--glance"] if self._tidings.glance is not None else []
-            self._child = self._crew.start_program(
+            self._child = self._crew.start(
                 ProcessSpec(NAME, command, self._run.log_path(NAME), pass_fds=(theirs.fileno(),))
             )
 
@@ -113,23 +110,6 @@ class OneProcess(_OneProgram):
         killed += await end_all(others, FLIGHT_GRACE_S)
         self._close()
         return killed
-
-
-def understudy_of(scenario: Scenario) -> Understudy | None:
-    """A fork of this process that waits to be the program of a run; None where it has to be started anew.
-
-    It is to be made before anything that has a thread.
-    """
-    if how_joined(scenario) != "one" or not can_fork():
-        return None
-    import_module("scipy.special")  # both need it, and it takes a quarter of a second
-    return Understudy(len(PROGRAM), _program)
-
-
-def _program() -> Play:
-    from bridge.program.process import main  # which loads all parts
-
-    return main
 
 
 class OneTask(_OneProgram):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from bridge.bus.identity.keyring import Keyring
@@ -71,7 +72,7 @@ class Fleet:
         dirs: where real autopilots are, as far as that was said.
         replay: directory of the run whose inputs from outside are repeated.
         how: how the parts are joined; None: as the scenario says.
-        understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
+        understudies: of processes of the run, by their names (`bridge.fleet.understudies`).
 
     Attributes:
         course: how the run goes.
@@ -86,12 +87,12 @@ class Fleet:
         dirs: AutopilotDirs = NOT_SAID,
         replay: Path | None = None,
         how: How | None = None,
-        understudy: Understudy | None = None,
+        understudies: Mapping[str, Understudy] = MappingProxyType({}),
     ) -> None:
         self._scenario, self._run, self._observer, self._replay = scenario, run, observer, replay
         self._how: How = how or how_joined(scenario)
         self._launchers = launchers_of(scenario, dirs)
-        self._crew = Crew(self._child_ended, understudy)
+        self._crew = Crew(self._child_ended, understudies)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()

@@ -94,9 +94,9 @@ class _Listener:
         self._hosted.hold(decode(sample.payload.to_bytes(), Header).stamp.ns, is_tick=False)
 
 
-def main() -> int:
-    """Run the process."""
-    arguments: Arguments = parse_arguments("host", __doc__ or "", has_nodes=True)
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the process, with the words of its command line."""
+    arguments: Arguments = parse_arguments(words, "host", __doc__ or "", has_nodes=True)
     return run_until_stopped(lambda stop: run_host(arguments.run, arguments.name, arguments.nodes, stop))
 
 

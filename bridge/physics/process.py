@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import queue
 import sys
+from collections.abc import Sequence
 
 from bridge.bus.session import open_client
 from bridge.physics.flight_dynamics import FlownDynamics
@@ -49,9 +50,9 @@ def serve(run: RunDirectory) -> None:
             dynamics.close()
 
 
-def main() -> int:
-    """Run the process."""
-    arguments = parse_arguments("physics", __doc__ or "")
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the process, with the words of its command line."""
+    arguments = parse_arguments(words, "physics", __doc__ or "")
     try:
         return exit_status(lambda: serve(arguments.run))
     except FdmError as error:

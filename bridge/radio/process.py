@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 from bridge.bus.identity.logins import LoginWatch
@@ -138,9 +138,9 @@ def serve(run: RunDirectory) -> None:
         process.run()
 
 
-def main() -> int:
-    """Run the process."""
-    arguments = parse_arguments("router", __doc__ or "")
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the process, with the words of its command line."""
+    arguments = parse_arguments(words, "router", __doc__ or "")
     return exit_status(lambda: serve(arguments.run))
 
 

@@ -7,7 +7,7 @@ import atexit
 import logging
 import signal
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,13 +115,18 @@ def log_to_files(arguments: argparse.Namespace) -> RunDirectory:
     return run
 
 
-def parse_arguments(name: str, description: str, *, has_nodes: bool = False) -> Arguments:
-    """The run's directory, the process's name, and the nodes that it serves. Sets up the log on stderr."""
+def parse_arguments(
+    words: Sequence[str] | None, name: str, description: str, *, has_nodes: bool = False
+) -> Arguments:
+    """The run's directory, the process's name, and the nodes that it serves. Sets up the log on stderr.
+
+    ``words`` are those of its command line; None: the process has one of its own.
+    """
     parser = argparse.ArgumentParser(prog=name, description=description)
     add_run_arguments(parser, name)
     if has_nodes:
         parser.add_argument("--nodes", required=True, help="node ids of its UA, such as 0,1")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     nodes = tuple(arguments.nodes.split(",")) if has_nodes else ()
     return Arguments(log_to_files(arguments), arguments.name, nodes)
 

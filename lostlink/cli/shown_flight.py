@@ -9,7 +9,7 @@ import click
 from rich.console import Console
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
-from bridge.fleet.one import understudy_of
+from bridge.fleet.understudies import understudies_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.flight.console import plain_console
@@ -23,8 +23,8 @@ class ShownFlight(Flight):
     def __init__(
         self, scenario: Scenario, directory: RunDirectory, console: Console, *, quiet: bool = False
     ) -> None:
-        understudy = understudy_of(scenario)
-        super().__init__(scenario, directory, Progress(console, quiet=quiet), understudy=understudy)
+        understudies = understudies_of(scenario)
+        super().__init__(scenario, directory, Progress(console, quiet=quiet), understudies=understudies)
         self.take_signals()
         self.console = console
         self.quiet = quiet

@@ -6,10 +6,11 @@ import asyncio
 import signal
 import sys
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
+from types import MappingProxyType
 from typing import Any, Protocol, Self
 
 from bridge.bus.messages import Clock, Message
@@ -98,7 +99,7 @@ class Flight:
         directory: where to, already there.
         watcher: is called as it goes on.
         how: how the parts of the run are joined; None: as the scenario says.
-        understudy: of the program of a run of one process, if there is one (`bridge.fleet.one.understudy_of`).
+        understudies: of processes of the run, by their names (`bridge.fleet.understudies`).
 
     Attributes:
         view: what goes wrong with a view of the run. The first is awaited before the first tick, which the view is to
@@ -111,9 +112,9 @@ class Flight:
         directory: RunDirectory,
         watcher: Watcher,
         how: How | None = None,
-        understudy: Understudy | None = None,
+        understudies: Mapping[str, Understudy] = MappingProxyType({}),
     ) -> None:
-        self._how, self._understudy = how, understudy
+        self._how, self._understudies = how, understudies
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
@@ -201,7 +202,7 @@ class Flight:
         joins = self._view_joins if self.view is not None else None
         watcher = self._watcher
         observer = Observer(watcher.on_phase, on_message, watcher.glance, joins, watcher.on_warning)
-        fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudy)
+        fleet = Fleet(self.scenario, self.directory, observer, dirs, replay, self._how, self._understudies)
         if takes_signals:
             self._pass_signals_to(fleet)
         self._take_charge(fleet)

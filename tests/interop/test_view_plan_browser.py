@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -13,11 +12,12 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, expect
 
-from tests.integration.bridge.conftest import LOSTLINK, StartRun, start_run  # noqa: F401
+from tests.integration.bridge.conftest import StartRun, start_run  # noqa: F401
 from tests.integration.bridge.view import serving
 from tests.interop.surveyor import AGENT, SCENARIO
 from tests.interop.test_view_browser import held, opened
 from tests.interop.view_page import ViewPage
+from tests.warm import run_lostlink
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 expect.set_options(timeout=120_000)
@@ -151,7 +151,6 @@ def test_a_click_sends_the_ua_there_and_its_lists_are_read(
     assert run.finish(30.0) == 130
     inputs = [json.loads(line) for line in (run.directory / "inputs" / "0.jsonl").read_text().splitlines()]
     assert [item["verb"] for item in inputs] == ["goto", *["mission_download"] * 3]
-    command = [*LOSTLINK, "refly", str(run.directory), "--out", str(tmp_path / "refly")]
-    again = subprocess.run(command, capture_output=True, text=True)
+    again = run_lostlink("refly", run.directory, "--out", tmp_path / "refly")
     assert again.returncode == 0, again.stderr
     assert "identical: truth, states, deliveries" in again.stdout

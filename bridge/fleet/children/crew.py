@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from bridge.fleet.children.child import Child, ProcessSpec, Start, start_anew
 from bridge.fleet.children.forked import Understudy
@@ -17,32 +18,30 @@ class Crew:
 
     Args:
         on_ended: called with each that ends, asked or not.
-        understudy: of the program of a run of one process, if there is one.
+        understudies: of processes of the run, by their names (`bridge.fleet.understudies`).
     """
 
-    def __init__(self, on_ended: Callable[[Child], object], understudy: Understudy | None = None) -> None:
-        self._on_ended, self._understudy = on_ended, understudy
+    def __init__(
+        self,
+        on_ended: Callable[[Child], object],
+        understudies: Mapping[str, Understudy] = MappingProxyType({}),
+    ) -> None:
+        self._on_ended, self._understudies = on_ended, understudies
         self.children: list[Child] = []
-
-    def start_program(self, spec: ProcessSpec) -> Child:
-        """Start the program of a run of one process: its understudy plays it, if there is one.
-
-        Raises:
-            FleetError: it cannot be started.
-        """
-        return self.start(spec, start_anew if self._understudy is None else self._understudy.begin)
 
     def dismiss(self) -> None:
         """Whoever waits for a part to play ends."""
-        if self._understudy is not None:
-            self._understudy.dismiss()
+        for understudy in self._understudies.values():
+            understudy.dismiss()
 
-    def start(self, spec: ProcessSpec, start: Start = start_anew) -> Child:
-        """Start one.
+    def start(self, spec: ProcessSpec) -> Child:
+        """Start one: its understudy plays it, if there is one.
 
         Raises:
             FleetError: it cannot be started.
         """
+        understudy = self._understudies.get(spec.name)
+        start: Start = start_anew if understudy is None else understudy.begin
         try:
             child = Child(spec, start)
         except OSError as error:

@@ -7,6 +7,7 @@ locked in the child for ever.
 from __future__ import annotations
 
 import atexit
+import gc
 import json
 import os
 import signal
@@ -52,6 +53,7 @@ def fork(body: Callable[[], int]) -> int:
 
 def _be_a_child(body: Callable[[], int], parent: int) -> NoReturn:
     status = 1
+    gc.freeze()  # what is our parent's is no garbage of ours, and looking through it would copy it
     try:
         for number in ENDING:
             if signal.getsignal(number) is not signal.SIG_IGN:
@@ -118,12 +120,13 @@ class Understudy:
             order, fds, _, _ = socket.recv_fds(orders, ORDER_MAX_BYTES, 2)
         if not order:
             return 0
-        words, told = json.loads(order)
-        _take_files(fds[0], fds[1], told)
+        words, name, *inherited = json.loads(order)
+        _take_files(fds, inherited)
+        Path("/proc/self/comm").write_text(name, encoding="utf-8")  # its command line is its parent's
         if play is None:
             raise failure or AssertionError
-        for name in os.environ.keys() - environment_of(os.environ).keys():
-            del os.environ[name]
+        for variable in os.environ.keys() - environment_of(os.environ).keys():
+            del os.environ[variable]
         try:
             return play(words)
         finally:  # as at the end of any Python
@@ -138,10 +141,9 @@ class Understudy:
             return None, error
 
     def begin(self, spec: ProcessSpec, log: BinaryIO) -> Self:
-        """Have it be the process of ``spec``, which inherits one file."""
-        (told,) = spec.pass_fds
-        order = json.dumps([list(spec.command[self._skipped :]), told]).encode()
-        socket.send_fds(self._orders, [order], [log.fileno(), told])
+        """Have it be the process of ``spec``, which inherits one file at most."""
+        order = json.dumps([list(spec.command[self._skipped :]), spec.name, *spec.pass_fds]).encode()
+        socket.send_fds(self._orders, [order], [log.fileno(), *spec.pass_fds])
         self._orders.close()
         return self
 
@@ -169,14 +171,16 @@ class Understudy:
             self.wait()
 
 
-def _take_files(log: int, told: int, wanted: int) -> None:
-    """Log to the file ``log``, read nothing, and have the file ``told`` at the number that it has in the command."""
+def _take_files(came: Sequence[int], inherited: Sequence[int]) -> None:
+    """Log to the first of the files, read nothing, and have the others at the numbers that they have in the command."""
+    log, *others = came
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
     for standard in (1, 2):
         os.dup2(log, standard)
     os.close(log)
-    if told != wanted:
-        os.dup2(told, wanted)
-        os.close(told)
+    for told, wanted in zip(others, inherited, strict=True):
+        if told != wanted:
+            os.dup2(told, wanted)
+            os.close(told)

@@ -21,7 +21,6 @@ from bridge.bus.session import Session
 from bridge.run.access import access_of
 from tests.warm import LOSTLINK, Command, is_as_ever
 
-PROGRAM = "the program of a run of one process"
 STILL = """\
 schema: 1
 name: still
@@ -87,12 +86,10 @@ class Run:
         return time.monotonic() - start
 
     def child(self, name: str) -> psutil.Process:
-        """The run's process whose command line has ``name`` in it; `PROGRAM`: that which is forked from the command."""
-        if name == PROGRAM:
-            name = " ".join(psutil.Process(self.process.pid).cmdline())
-        words = [" ".join(child.cmdline()) for child in self.children()]
-        found = [child for child, its in zip(self.children(), words, strict=False) if name in its]
-        assert found, f"no process with {name!r} among {words}"
+        """The run's process of this name, which is forked from the command, or with ``name`` in its command line."""
+        told = {child: (child.name(), " ".join(child.cmdline())) for child in self.children()}
+        found = [child for child, (its, words) in told.items() if its == name or name in words]
+        assert found, f"no process with {name!r} among {list(told.values())}"
         return found[0]
 
     def children(self) -> list[psutil.Process]:

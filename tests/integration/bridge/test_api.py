@@ -55,13 +55,13 @@ from bridge.agents import Agent, CommandRefused
 
 class Flyer(Agent):
     async def fly(self):
-        await self.take_off(10.0)
+        await self.take_off(3.0)
         ua, keep = self.ua, self.record
         keep("flight", reached=await ua.velocity(2.0, 0.0, -0.5, duration_s=3.0))
-        keep("flight", reached=await ua.goto_ned(0.0, 5.0, -12.0))
+        keep("flight", reached=await ua.goto_ned(0.0, 5.0, -5.0))
         attitude = await ua.message("ATTITUDE")
         keep("flight", roll=attitude["roll"])
-        items = [{"command": 16, "params": [0, 0, 0, 0, ua.state.latitude_deg + n * 1e-4, ua.state.longitude_deg, 12]}
+        items = [{"command": 16, "params": [0, 0, 0, 0, ua.state.latitude_deg + n * 1e-4, ua.state.longitude_deg, 5]}
                  for n in (1, 2)]
         keep("flight", taken=await ua.missions.upload(items))
         keep("flight", items=await ua.missions.download())

@@ -18,9 +18,9 @@ import psutil
 import pytest
 
 from lostlink import load_run
-from tests.integration.bridge.conftest import LOSTLINK, Run, StartRun
+from tests.integration.bridge.conftest import Run, StartRun
 from tests.integration.lostlink.namespaces import WHY_NO_NAMESPACE
-from tests.warm import run_lostlink
+from tests.warm import Command, run_lostlink
 
 PROGRAMS = Path(__file__).parent / "attached"
 TICK_NS = 50_000_000
@@ -64,24 +64,24 @@ def needs(program: str, package: str) -> pytest.MarkDecorator:
     )
 
 
-Attach = Callable[..., "subprocess.Popen[str]"]
+Attached = Command | subprocess.Popen[str]
+Attach = Callable[..., Attached]
 
 
 @pytest.fixture
 def attach() -> Iterator[Attach]:
     """Attach a program to a node; whatever is left of it in the end is killed."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Attached] = []
 
-    def start(run: Run, node: str, *words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+    def start(run: Run, node: str, *words: str) -> Attached:
         options, command = (
             (words[: words.index("--")], words[words.index("--") :])
             if "--" in words
             else ((), ("--", *words))
         )
-        line = [*before, *LOSTLINK, "attach", str(run.directory), "--node", node, *options, *command]
-        process = subprocess.Popen(
-            line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
+        line = ["attach", str(run.directory), "--node", node, *options, *command]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        process = Command(*line, **pipes, text=True, start_new_session=True)
         started.append(process)
         return process
 
@@ -101,14 +101,14 @@ def python(name: str, *arguments: object) -> list[str]:
     return [sys.executable, "-I", str(PROGRAMS / f"{name}.py"), *map(str, arguments)]
 
 
-def first_line(process: subprocess.Popen[str]) -> str:
+def first_line(process: Attached) -> str:
     assert process.stdout is not None
     line = process.stdout.readline()
     assert line, process.communicate()[1]
     return line.strip()
 
 
-def ended(process: subprocess.Popen[str], timeout_s: float = 60.0) -> tuple[int, str, str]:
+def ended(process: Attached, timeout_s: float = 60.0) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=timeout_s)
     return process.returncode, out, err
 

@@ -22,7 +22,7 @@ import pytest
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from tests.integration.bridge.conftest import LOSTLINK, PROGRAM, STILL, Run, StartRun
+from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.warm import run_lostlink
 
 LONG_S = 36_000.0
@@ -505,9 +505,9 @@ def counted(run: Run) -> str:
 @pytest.mark.parametrize(
     ("processes", "victim", "name", "hosts"),
     [
-        ("one", PROGRAM, "fleet", "auto"),
-        slow("many", "bridge.radio.process", "router", "auto"),
-        ("many", "bridge.host.process", "host-0", "auto"),
+        ("one", "fleet", "fleet", "auto"),
+        slow("many", "router", "router", "auto"),
+        ("many", "host-0", "host-0", "auto"),
         slow("many", "standin --sysid 2", "autopilot-1", "per-ua"),
         slow("many", "standin --sysid 1", "autopilots-0", "1"),
     ],
@@ -537,21 +537,21 @@ def test_a_killed_process_ends_the_run_by_name_and_log(
 
 
 @pytest.mark.parametrize(
-    ("processes", "victim", "name", "ending"),
+    ("processes", "name", "ending"),
     [
-        ("many", "bridge.host.process", "host-0", "interrupted"),
-        pytest.param("many", "bridge.radio.process", "router", "failed", marks=pytest.mark.long),
-        slow("one", PROGRAM, "fleet", "failed"),
+        ("many", "host-0", "interrupted"),
+        pytest.param("many", "router", "failed", marks=pytest.mark.long),
+        slow("one", "fleet", "failed"),
     ],
 )
 def test_a_process_that_does_not_end_is_killed_and_the_summary_tells_it(
-    start_run: StartRun, processes: str, victim: str, name: str, ending: str
+    start_run: StartRun, processes: str, name: str, ending: str
 ) -> None:
     """Whoever has the record gets more time; without it the run has failed."""
     run = start_run(processes=processes, duration_s=LONG_S)
     run.wait_for("sim time")
     children = run.children()
-    run.child(victim).send_signal(signal.SIGSTOP)
+    run.child(name).send_signal(signal.SIGSTOP)
     run.stop(signal.SIGINT)
     assert run.summary["ending"] == ending
     events = [event["text"] for event in run.summary["events"] if event["kind"] == "killed"]

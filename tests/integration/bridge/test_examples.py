@@ -35,11 +35,11 @@ FILES = [
     SHIPPED / "mixed.yaml",
 ]
 SHORT_S = {
-    "beyond_range": 20,
-    "gusts": 20,
+    "beyond_range": 14,
+    "gusts": 14,
     "ground_station": 15,
-    "heavy_and_light": 20,
-    "leader_follower": 20,
+    "heavy_and_light": 14,
+    "leader_follower": 14,
     "own_radio": 14,
     "relay": 20,
     "ring": 14,

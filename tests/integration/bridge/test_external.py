@@ -16,8 +16,10 @@ from tests.integration.bridge.conftest import STILL, Run, StartRun
 
 HOME = ("40.1331,-105.2404,1690,0", "40.136783119,-105.2404,1690,0")
 EXTERNAL = STILL.replace("radio:", "autopilot: external\nradio:").replace(
-    "{{type: still}}", "{{type: hold, altitude_m: 10}}"
+    "{{type: still}}", "{{type: hold, altitude_m: 5}}"
 )
+FLIGHT_S = 15
+"""Sim time: until they are ready, a climb, and some seconds."""
 StartAutopilots = Callable[..., list["subprocess.Popen[bytes]"]]
 
 
@@ -47,7 +49,7 @@ def assert_flew(run: Run) -> None:
     summary = run.summary
     assert (summary["ending"], summary["unfinished"]) == ("duration", [])
     assert summary["may_not_repeat"] == []
-    assert all(link["sent"] == 25 * 20 + 1 for link in summary["links"])
+    assert all(link["sent"] == FLIGHT_S * 20 + 1 for link in summary["links"])
 
 
 @pytest.mark.slow
@@ -56,13 +58,13 @@ def test_autopilots_that_run_already_are_flown_from_the_first_tick(
 ) -> None:
     slot = free_slot(2)
     start_autopilots(slot)
-    run = start_run("--first-slot", str(slot), scenario=EXTERNAL, duration_s=25.0)
+    run = start_run("--first-slot", str(slot), scenario=EXTERNAL, duration_s=FLIGHT_S)
     assert_flew(run)
 
 
 @pytest.mark.slow
 def test_autopilots_may_come_after_the_run(start_run: StartRun, start_autopilots: StartAutopilots) -> None:
-    run = start_run(scenario=EXTERNAL, duration_s=25.0)
+    run = start_run(scenario=EXTERNAL, duration_s=FLIGHT_S)
     run.wait_for("waits for the autopilots")
     start_autopilots(run.slot)
     assert_flew(run)
@@ -73,7 +75,7 @@ def test_autopilots_with_other_system_ids_are_told(
     start_run: StartRun, start_autopilots: StartAutopilots
 ) -> None:
     """Of them nothing would fly, and nothing else says why."""
-    run = start_run(scenario=EXTERNAL.replace("type: hold, altitude_m: 10", "type: still"), duration_s=4.0)
+    run = start_run(scenario=EXTERNAL.replace("type: hold, altitude_m: 5", "type: still"), duration_s=4.0)
     run.wait_for("waits for the autopilots")
     start_autopilots(run.slot, first_sysid=101)
     assert run.finish() == 0, run.output.decode()

@@ -122,7 +122,7 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
     start_run: StartRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RUST_LOG", "zenoh::net::routing::interceptor::access_control=trace")
-    run = start_run(duration_s=20.0, speed="4", processes="many", anew=True)
+    run = start_run(duration_s=10.0, speed="2", processes="many", anew=True)
     run.wait_for("sim time")
     keys = Keys(run.directory.name)
     with run.join("node-0") as node:
@@ -137,7 +137,7 @@ def test_zenoh_can_be_asked_to_log_what_the_rules_refuse(
 def test_observers_see_what_is_delivered_and_not_what_is_transmitted(
     start_run: StartRun, processes: str
 ) -> None:
-    run = start_run(duration_s=30.0, speed="4", processes=processes)
+    run = start_run(duration_s=15.0, speed="2", processes=processes)
     run.wait_for("sim time")
     settings = {"mode": "client", "connect__endpoints": [run.endpoint]}
     heard: set[str] = set()

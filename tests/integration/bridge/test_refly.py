@@ -15,8 +15,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from bridge.agents import connect_ua
 from lostlink import load_run
-from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
+from tests.integration.bridge.conftest import STILL, Run, StartRun
 from tests.integration.bridge.mission import mission_items, upload
+from tests.warm import run_lostlink
 
 ITEMS = 12
 
@@ -40,24 +41,14 @@ def ground_station(run: Run) -> None:
 
 def refly(run: Path, tmp_path: Path, slot: int, *more: str) -> subprocess.CompletedProcess[str]:
     out = tmp_path / "again"
-    command = [
-        *LOSTLINK,
-        "refly",
-        str(run),
-        "--out",
-        str(out),
-        "--zenoh-port",
-        "0",
-        "--first-slot",
-        str(slot),
-    ]
-    return subprocess.run([*command, *more], capture_output=True, text=True, timeout=280)
+    ports = ("--zenoh-port", "0", "--first-slot", str(slot))
+    return run_lostlink("refly", run, "--out", out, *ports, *more, timeout=280)
 
 
 @pytest.fixture
 def visited(start_run: StartRun) -> Run:
     """A run at which a ground station was."""
-    run = start_run(speed="6", duration_s=40.0)
+    run = start_run(speed="3", duration_s=20.0)
     run.wait_for("sim time")
     ground_station(run)
     assert run.finish() == 0, run.output.decode()

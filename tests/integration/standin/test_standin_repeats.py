@@ -25,7 +25,7 @@ from fdm.model.sensor_noise import SensorNoise
 from fdm.wire.sensor_frame import make_encoder
 from fdm.wire.servo_packet import unpack_servo_packet
 
-RATE_HZ = 800
+RATE_HZ = 400
 TICK_FRAMES = RATE_HZ // 20
 FLIGHT_S = 32
 STREAMS_HZ = {0: 1, 1: 2, 2: 1, 24: 2, 30: 10, 32: 20, 33: 20, 62: 1, 74: 5, 147: 1, 193: 1, 242: 1, 245: 5}

@@ -83,6 +83,23 @@ def test_it_plays_with_its_words_its_log_and_one_file(tmp_path: Path, least: int
     assert (tmp_path / "log").read_text() == "played\n"
 
 
+def test_it_has_the_name_of_its_process_and_needs_no_file(tmp_path: Path) -> None:
+    done = run(
+        tmp_path,
+        """
+        def play(words):
+            print(Path("/proc/self/comm").read_text().strip(), *words, sorted(os.listdir("/proc/self/fd")))
+            return 0
+        understudy = Understudy(2, lambda: play)
+        with log.open("wb") as file:
+            understudy.begin(ProcessSpec("host-0", ["python", "program", "--nodes", "0,1"], log), file)
+        understudy.wait()
+        """,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "log").read_text() == "host-0 --nodes 0,1 ['0', '1', '2', '3']\n"
+
+
 def test_what_it_raises_is_in_its_log(tmp_path: Path) -> None:
     done = run(
         tmp_path,
