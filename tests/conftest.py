@@ -5,8 +5,10 @@ from __future__ import annotations
 import gc
 import lzma
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,18 @@ from tests.warm import OF_NO_RUN
 settings.register_profile("any machine", deadline=None, max_examples=40)
 settings.register_profile("many examples", deadline=None, max_examples=1000)
 settings.load_profile("any machine")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """`make test-slow` collects the files that have the word."""
+    if item.get_closest_marker("slow") and not says_slow(item.path):
+        raise pytest.UsageError(f"{item.nodeid} is slow, and its file does not say so: mark it where it stands")
+
+
+@cache
+def says_slow(file: Path) -> bool:
+    """Whether a file has the word, as `grep --word-regexp` sees it."""
+    return re.search(r"\bslow\b", file.read_text(encoding="utf-8")) is not None
 
 
 def pytest_collection_finish() -> None:
