@@ -14,6 +14,7 @@ import yaml
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
+from bridge.fleet.preflight.slots import at_own_ports
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
@@ -118,10 +119,11 @@ def fly(
     asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
     resolved = read_like(scenario, asked)
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
-    preflight(resolved, dirs)
-    run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
-    watcher: Watcher = Silent() if quiet else Progress(plain_console())
-    return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), dirs))
+    with at_own_ports(resolved):
+        preflight(resolved, dirs)
+        run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
+        watcher: Watcher = Silent() if quiet else Progress(plain_console())
+        return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), dirs))
 
 
 def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
