@@ -20,6 +20,9 @@ LOCKED = ("ports.aps", "ports.zenoh", "modems.")
 """Settings of the ports that are locked: one of each UA, which stands for all of its slot, and those of no UA."""
 FIRST_SLOT, LAST_SLOT = 20, 2249
 """Slots given out: below are those that people choose, and above ports that the kernel gives to clients."""
+ATTEMPTS = 5
+"""How often a run that may be anywhere is flown, as long as programs that know no locks take ports of it after the look
+at them."""
 LAST_INSTANCE = 249
 """Of real autopilots: the last slot that PX4 takes."""
 
