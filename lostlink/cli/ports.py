@@ -61,7 +61,14 @@ def at_ports(scenario: Scenario, first_slot: FirstSlot, *, repeats: bool = False
     with ExitStack() as held:
         placed = held.enter_context(place(scenario, repeats=repeats))
         if placed != scenario:
-            ports = [str(placed.aps_port(ua)) for ua in placed.ua[:1]]
-            mavlink = "".join(f", with MAVLink from TCP port {port} on" for port in ports)
-            tell(f"ports of the run are in use: it moves to --first-slot {placed.ports.first_slot}{mavlink}")
+            _tell_move(scenario, placed)
         yield placed
+
+
+def _tell_move(scenario: Scenario, placed: Scenario) -> None:
+    text = f"ports of the run are in use: it moves to --first-slot {placed.ports.first_slot}"
+    for ua in placed.ua[:1]:
+        text += f", with MAVLink from TCP port {placed.aps_port(ua)} on"
+        if len(placed.udp_outputs(ua)) < len(scenario.udp_outputs(ua)):
+            text += f" and none sent to UDP port {scenario.ports.gcs} (--udp-out sends it)"
+    tell(text)

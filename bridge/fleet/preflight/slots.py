@@ -78,18 +78,25 @@ def at_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scen
 
 @contextmanager
 def at_own_or_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scenario]:
-    """As `at_own_ports`, and if one is taken, as `at_free_ports`; with the arguments and errors of both."""
+    """As `at_own_ports`, and if one is taken, as `at_free_ports`; with the arguments and errors of both.
+
+    A run that moves sends nothing to ``ports.gcs``: a ground station there is most likely that of the run whose ports
+    these are, which has the same sysids.
+    """
     with ExitStack() as held:
         try:
             placed = held.enter_context(at_own_ports(scenario, repeats=repeats))
         except FleetError:
-            placed = held.enter_context(at_free_ports(scenario, repeats=repeats))
+            placed = held.enter_context(at_free_ports(_with(scenario, gcs=0), repeats=repeats))
         yield placed
 
 
 def _at(scenario: Scenario, slot: int) -> Scenario:
-    ports = scenario.ports.model_copy(update={"first_slot": slot, "zenoh": 0})
-    return scenario.model_copy(update={"ports": ports})
+    return _with(scenario, first_slot=slot, zenoh=0)
+
+
+def _with(scenario: Scenario, **ports: int) -> Scenario:
+    return scenario.model_copy(update={"ports": scenario.ports.model_copy(update=ports)})
 
 
 def _lock(uses: list[PortUse], held: ExitStack) -> set[PortUse]:

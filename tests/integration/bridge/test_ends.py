@@ -259,7 +259,7 @@ def test_a_run_that_may_move_flies_at_free_ports(tmp_path: Path, free_slot: Call
     assert done.returncode == 0, done.stderr
     (directory,) = tmp_path.iterdir()
     moved = RunDirectory(directory).scenario.ports
-    assert moved.first_slot not in (slot, slot + 1)
+    assert moved.first_slot not in (slot - 1, slot)
     assert f"it moves to --first-slot {moved.first_slot}, " in done.stderr
 
 

@@ -17,7 +17,9 @@ from tests.unit.lostlink.replay.flown import scenario_of
 
 
 def scenario_at(port: int) -> Scenario:
-    return with_changes(scenario_of("moon2020", ("0",)), {"ports.aps": port, "processes": "one"})
+    return with_changes(
+        scenario_of("moon2020", ("0",)), {"ports.aps": port, "processes": "one", "speed": 1.0}
+    )
 
 
 def test_auto_moves_a_run_whose_ports_are_in_use_and_says_where_to(
@@ -36,7 +38,8 @@ def test_auto_moves_a_run_whose_ports_are_in_use_and_says_where_to(
     assert slot > 0
     assert capsys.readouterr().err == (
         "lostlink: ports of the run are in use: "
-        f"it moves to --first-slot {slot}, with MAVLink from TCP port {port} on\n"
+        f"it moves to --first-slot {slot}, with MAVLink from TCP port {port} on "
+        "and none sent to UDP port 14550 (--udp-out sends it)\n"
     )
     with at_ports(scenario, "auto") as placed:
         assert placed is scenario

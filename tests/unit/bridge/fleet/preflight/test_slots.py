@@ -125,11 +125,14 @@ def test_ports_of_a_run_that_has_not_bound_them_yet_are_told_as_in_use() -> None
         assert placed is other
 
 
-def test_a_run_that_may_move_does_so_only_if_its_own_ports_are_taken() -> None:
+def test_a_run_that_may_move_does_so_only_if_its_own_ports_are_taken_and_leaves_their_ground_station() -> (
+    None
+):
     scenario = scenario_of(2)
     with ExitStack() as held:
-        chosen = [held.enter_context(at_own_or_free_ports(scenario)).ports.first_slot for _ in range(3)]
-    assert chosen == [0, FIRST_SLOT, FIRST_SLOT + 2]
+        placed = [held.enter_context(at_own_or_free_ports(scenario)).ports for _ in range(3)]
+    chosen = [(ports.first_slot, ports.gcs) for ports in placed]
+    assert chosen == [(0, 14550), (FIRST_SLOT, 0), (FIRST_SLOT + 2, 0)]
 
 
 def test_a_taken_port_that_does_not_move_with_the_slot_is_told() -> None:
