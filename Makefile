@@ -1,4 +1,5 @@
 # lostlink: `make demo` flies the default scenario, `make test` runs the tests. Both set up what they need.
+# Further options of `lostlink run`: make demo ARGS="--seed 2", make view ARGS="--view-port 0".
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,10 +20,10 @@ help:  ## Show the targets.
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo: $(VENV)/.run  ## Fly two UA on one radio and write runs/<time>-separation/.
-	$(BIN)/lostlink run
+	$(BIN)/lostlink run --first-slot auto $(ARGS)
 
 view: $(VENV)/.view  ## Fly two UA in real time and show them on http://127.0.0.1:8080/.
-	$(BIN)/lostlink run --speed 1 --view
+	$(BIN)/lostlink run --first-slot auto --speed 1 --view $(ARGS)
 
 test: $(VENV)/.dev  ## Run the tests.
 	$(BIN)/python -m pytest -m "not slow and not long" $(PYTEST)

@@ -28,7 +28,9 @@ settings.load_profile("any machine")
 def pytest_itemcollected(item: pytest.Item) -> None:
     """`make test-slow` collects the files that have the word."""
     if item.get_closest_marker("slow") and not says_slow(item.path):
-        raise pytest.UsageError(f"{item.nodeid} is slow, and its file does not say so: mark it where it stands")
+        raise pytest.UsageError(
+            f"{item.nodeid} is slow, and its file does not say so: mark it where it stands"
+        )
 
 
 @cache

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import socket
-import tempfile
 from collections.abc import Iterable
 from contextlib import ExitStack
-from pathlib import Path
 
-LOCKS = Path(tempfile.gettempdir()) / f"lostlink-test-slots-{os.getuid()}"
+from bridge.fleet.preflight.locks import hold
+
+NAME = "lostlink-test-slot"
+"""How names of locks begin: not as those of runs, which start at slots that a test has."""
 
 
 def _is_free(kind: socket.SocketKind, port: int) -> bool:
@@ -52,13 +52,8 @@ def slots_of_this_process() -> range:
 
 def lock(slots: Iterable[int], held: ExitStack) -> bool:
     """Lock slots until ``held`` is closed; False, and none is locked, if somebody has one of them."""
-    LOCKS.mkdir(exist_ok=True)
     with ExitStack() as trial:
-        for slot in slots:
-            file = trial.enter_context((LOCKS / str(slot)).open("w"))
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return False
+        if not all(hold(f"{NAME}-{slot}", trial) for slot in slots):
+            return False
         held.enter_context(trial.pop_all())
     return True

@@ -102,6 +102,7 @@ class Flight:
         understudies: of processes of the run, by their names (`bridge.fleet.understudies`).
 
     Attributes:
+        has_no_ports: it could not start, since somebody took one of its ports after they were looked at.
         view: what goes wrong with a view of the run. The first is awaited before the first tick, which the view is to
             show: "" if it has joined, or why not. None: there is no view.
     """
@@ -118,6 +119,7 @@ class Flight:
         self.scenario = scenario
         self.directory = directory
         self.signal: signal.Signals | None = None
+        self.has_no_ports = False
         self.view: AsyncIterator[str] | None = None
         self._view_watch: asyncio.Task[None] | None = None
         self._watcher = watcher
@@ -129,7 +131,6 @@ class Flight:
         self._last_tick = 0.0
         self._unfinished: list[str] = []
         self._error: str | None = None
-        self._has_no_ports = False
         self._doing = ""
         """What is done once all processes are gone."""
 
@@ -188,7 +189,7 @@ class Flight:
         """What a command ends with."""
         if self.signal is not None:
             return 128 + self.signal
-        return UNUSABLE if self._has_no_ports else status_of(summary)
+        return UNUSABLE if self.has_no_ports else status_of(summary)
 
     async def _fly(
         self, dirs: AutopilotDirs, replay: Path | None, *, takes_signals: bool
@@ -242,7 +243,7 @@ class Flight:
         if fleet.course.sim_time_ns:
             return []
         taken = conflicts(ports_of(self.scenario, repeats=replay is not None))
-        self._has_no_ports = bool(taken)
+        self.has_no_ports = bool(taken)
         return taken
 
     def _take_charge(self, fleet: Fleet) -> None:

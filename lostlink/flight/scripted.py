@@ -14,6 +14,7 @@ import yaml
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
+from bridge.fleet.preflight.slots import at_own_or_free_ports, at_own_ports
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario, with_changes
@@ -84,6 +85,7 @@ def fly(
     speed: float | Literal["max"] | None = "max",
     duration_s: float | None = None,
     autopilot: Autopilot | None = None,
+    first_slot: int | Literal["auto"] | None = None,
     changes: Mapping[str, Any] | None = None,
     directory: str | Path | None = None,
     ardupilot_dir: str | Path | None = None,
@@ -103,7 +105,9 @@ def fly(
         speed: real-time factor, or ``max``: as fast as this machine can.
         duration_s: longest sim time.
         autopilot: ``standin``, ``ardupilot``, ``px4`` or ``external``.
-        changes: further keys of the scenario, dotted: ``{"ports.first_slot": 3, "fdm.coupling": "parallel"}``.
+        first_slot: in place of the scenario's ``ports.first_slot``; ``auto``: the scenario's, or if any port of the run
+            is in use, the next where all are free.
+        changes: further keys of the scenario, dotted: ``{"ports.zenoh": 0, "fdm.coupling": "parallel"}``.
         directory: where runs are kept; the run makes its own in there. ``runs/`` unless given.
         ardupilot_dir: where real binaries are; else ARDUPILOT_HOME, else PATH.
         px4_dir: PX4's checkout, or the folder of its build; else PX4_HOME, else PATH.
@@ -115,13 +119,15 @@ def fly(
         OSError, ValueError: its directory or its record cannot be written.
     """
     given = {"seed": seed, "speed": speed, "duration_s": duration_s, "autopilot": autopilot}
+    given["ports.first_slot"] = None if first_slot == "auto" else first_slot
     asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
-    resolved = read_like(scenario, asked)
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
-    preflight(resolved, dirs)
-    run = RunDirectory.create(RUNS if directory is None else Path(directory), resolved.name)
-    watcher: Watcher = Silent() if quiet else Progress(plain_console())
-    return RunResult(run.path, _in_a_thread(Flight(resolved, run, watcher), dirs))
+    place = at_own_or_free_ports if first_slot == "auto" else at_own_ports
+    with place(read_like(scenario, asked)) as placed:
+        preflight(placed, dirs)
+        run = RunDirectory.create(RUNS if directory is None else Path(directory), placed.name)
+        watcher: Watcher = Silent() if quiet else Progress(plain_console())
+        return RunResult(run.path, _in_a_thread(Flight(placed, run, watcher), dirs))
 
 
 def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:

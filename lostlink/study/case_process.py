@@ -32,10 +32,10 @@ import numpy as np
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.children.forked import ENDING, fork
-from bridge.fleet.course import Ending
+from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.how import How, how_joined
 from bridge.fleet.preflight.preflight import preflight
-from bridge.fleet.preflight.slots import at_free_ports
+from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
@@ -59,6 +59,12 @@ WARM = (
 )
 """What a case imports late."""
 FRAMES = "pandas"
+TAKEN = 3
+"""Status of a case's process whose run could not start (`PortsTaken`)."""
+
+
+class PortsTaken(FleetError):
+    """Somebody took ports of the run after they were looked at: elsewhere it can start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +154,7 @@ def fly_case(directory: Path) -> int:
         except Exception as error:
             traceback.print_exc()
             write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error)))
-            return 1
+            return TAKEN if isinstance(error, PortsTaken) else 1
         if run is None:
             return 1  # interrupted
         result = _measured(run, plan)
@@ -194,6 +200,9 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
     """Fly where no other run's ports are; None if that was interrupted.
 
     The link `RUN_FOLDER` leads to the run if it came to an end.
+
+    Raises:
+        PortsTaken: it could not start there.
     """
     (directory / RUN_FOLDER).unlink(missing_ok=True)
     for old in directory.glob("*/"):
@@ -206,32 +215,47 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         summary = flight.fly(plan.dirs)
     if flight.signal is not None:
         return None
+    if flight.has_no_ports:
+        raise PortsTaken(summary["error"])
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
 
 
 def fly_forked(directory: Path) -> None:
-    """Fly a case in a process that is forked from this one, and wait for its end."""
-    child = 0
+    """Fly a case in a process that is forked from this one, and wait for its end.
+
+    A run that could not start, as somebody took its ports, is flown elsewhere, in another process.
+    """
+    child, is_ended = 0, False
 
     def pass_on(number: int, _: object) -> None:
+        nonlocal is_ended
+        is_ended = True
         with suppress(ProcessLookupError):
             if child:
                 os.kill(child, number)
 
     kept = {number: signal.signal(number, pass_on) for number in ENDING}
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # until it is known whom to pass them on to
-    child = fork(partial(_be_a_case, directory))
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+    for _ in range(ATTEMPTS):
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # until it is known whom to pass them on to
+        child = 0 if is_ended else fork(partial(_be_a_case, directory))
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+        if not child or not _is_to_fly_again(child, directory):
+            break
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+def _is_to_fly_again(child: int, directory: Path) -> bool:
+    """Wait for the process of a case; gives whether its run could not start for its ports."""
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) not in ENDING:
         text = (
             f"its process was ended by {signal.Signals(os.WTERMSIG(status)).name}; see {directory / LOG_FILE}"
         )
         write_whole(directory / RESULT_FILE, _result(CasePlan.read(directory), {}, {}, text))
-    for number, handler in kept.items():
-        signal.signal(number, handler)
+    return os.waitstatus_to_exitcode(status) == TAKEN
 
 
 def _be_a_case(directory: Path) -> int:

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import math
+import shutil
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
-from bridge.fleet.preflight.slots import at_free_ports
+from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Scenario
 from lostlink.flight.flight import Flight, Silent
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 from lostlink.reading.run import Run, load_run
@@ -79,16 +82,21 @@ class UaOfFlight(RecordedNode):
 class FleetFlight:
     """A flight that a test has started. Its answers come from the record, and so are the same for the same flight.
 
+    Args:
+        place: gives the flight at free ports, and what holds these; called again if it cannot start there, since
+            somebody took one of them.
+        dirs: where real autopilots are, as far as that was said.
+
     Attributes:
-        path: its run directory.
         end_s: sim time at which answers end that name no end: how far the test has waited; no result hangs on how far
             the flight happened to be.
     """
 
-    def __init__(self, flight: Flight, dirs: AutopilotDirs, held: ExitStack) -> None:
-        self.path = flight.directory.path
+    def __init__(self, place: Callable[[], tuple[Flight, ExitStack]], dirs: AutopilotDirs) -> None:
         self.end_s = 0.0
-        self._flight, self._held = flight, held
+        self._place = place
+        self._flight, self._held = place()
+        self._is_stopped = False
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}")
@@ -96,11 +104,27 @@ class FleetFlight:
 
     def _fly(self, dirs: AutopilotDirs) -> None:
         try:
-            self._summary = self._flight.fly(dirs, takes_signals=False)
+            for attempt in range(ATTEMPTS):
+                if attempt:
+                    self._move()
+                with self._held:
+                    self._summary = self._flight.fly(dirs, takes_signals=False)
+                if not self._flight.has_no_ports:
+                    return
         except BaseException as error:
             self._error = error
-        finally:
-            self._held.close()
+
+    def _move(self) -> None:
+        """Be elsewhere, in place of a flight that could not start."""
+        shutil.rmtree(self.path)
+        self._flight, self._held = self._place()
+        if self._is_stopped:
+            self._flight.interrupt()
+
+    @property
+    def path(self) -> Path:
+        """Its run directory."""
+        return self._flight.directory.path
 
     @property
     def record(self) -> Run:
@@ -226,6 +250,7 @@ class FleetFlight:
 
     def stop(self) -> None:
         """End it now, in order, and wait for that."""
+        self._is_stopped = True
         self._flight.interrupt()
         self._thread.join()
 
@@ -300,13 +325,17 @@ class Flights:
         given = {"seed": seed, "duration_s": duration_s, "autopilot": autopilot, "speed": "max"}
         asked = {key: value for key, value in given.items() if value is not None} | dict(changes or {})
         resolved = read_like(scenario, {"figure": False} | asked)
-        with ExitStack() as held:
-            placed = held.enter_context(at_free_ports(resolved))
-            preflight(placed, self._dirs)
-            run = RunDirectory.create(self._directory, placed.name)
-            flight = FleetFlight(Flight(placed, run, Silent()), self._dirs, held.pop_all())
+        flight = FleetFlight(partial(self._placed, resolved), self._dirs)
         self._flights.append(flight)
         return flight
+
+    def _placed(self, scenario: Scenario) -> tuple[Flight, ExitStack]:
+        """A flight at free ports, and what holds these."""
+        with ExitStack() as held:
+            placed = held.enter_context(at_free_ports(scenario))
+            preflight(placed, self._dirs)
+            run = RunDirectory.create(self._directory, placed.name)
+            return Flight(placed, run, Silent()), held.pop_all()
 
     def stop(self) -> None:
         """End all that still fly."""

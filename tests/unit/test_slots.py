@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 
 from tests import slots
 
 
-def test_a_locked_slot_is_nobody_elses_until_it_is_let_go(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(slots, "LOCKS", tmp_path)
+def test_a_locked_slot_is_nobody_elses_until_it_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(slots, "NAME", f"lostlink-{os.getpid()}-test-slot")
     with ExitStack() as other:
         with ExitStack() as one:
             assert slots.lock(range(20, 23), one)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from bridge.fleet.how import calls_standins, has_bus
@@ -94,8 +94,13 @@ def _served(scenario: Scenario) -> Iterator[PortUse]:
                     yield PortUse(port, transport, f"modem of node {node.node} on {radio}", key)
 
 
-def conflicts(uses: Iterable[PortUse]) -> list[str]:
-    """One line for each port that cannot be had: number, purpose, owner if known, and how to change it."""
+def conflicts(uses: Iterable[PortUse], held: Collection[PortUse] = ()) -> list[str]:
+    """One line for each port that cannot be had: number, purpose, owner if known, and how to change it.
+
+    Args:
+        uses: the ports that are wanted.
+        held: those of them that another run has, and may not have bound yet.
+    """
     lines: list[str] = []
     seen: dict[tuple[str, int], PortUse] = {}
     for use in uses:
@@ -108,6 +113,8 @@ def conflicts(uses: Iterable[PortUse]) -> list[str]:
             lines.append(f"{use} is beyond 65535: lower {use.setting} or ports.first_slot in the scenario")
         elif not use.is_free:
             lines.append(f"{use} is in use{_owner(use)}: {_remedy(use)}")
+        elif use in held:
+            lines.append(f"{use} is in use by another run: {_remedy(use)}")
         seen[key] = use
     return lines
 
@@ -119,7 +126,7 @@ def _remedy(use: PortUse) -> str:
         return f"free it, or choose another with {use.setting} N (0: any)"
     if use.setting.startswith("modems."):
         return f"free it, or choose another in {use.setting} in the scenario (0: any)"
-    return f"free it, or move all UA with --first-slot N, or change {use.setting} in the scenario"
+    return f"free it, or move all UA with --first-slot N (auto: to free ports), or change {use.setting} in the scenario"
 
 
 def _owner(use: PortUse) -> str:

@@ -1,4 +1,4 @@
-"""Whether a run can start: seen before anything is started."""
+"""Whether a run can start, but for its ports (`bridge.fleet.preflight.slots`): seen before anything is started."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.autopilots.launcher import AutopilotError
 from bridge.fleet.autopilots.launchers import Launchers
 from bridge.fleet.course import FleetError
-from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import wind_of
 from fdm.errors import WindError
@@ -19,16 +18,16 @@ def launchers_of(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID) -> Launcher
     return Launchers(scenario, os.environ, dirs)
 
 
-def preflight(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID, *, repeats: bool = False) -> None:
-    """See, before anything is started, that the run can start.
+def preflight(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID) -> None:
+    """See, before anything is started, that there is all that the run needs.
 
     Args:
         scenario: of the run.
         dirs: where real autopilots are, as far as that was said.
-        repeats: it repeats a record.
 
     Raises:
-        FleetError: if a port is taken, or an autopilot or a wind map is missing; the text says what to do.
+        FleetError: if an autopilot or a wind map is missing, or an autopilot cannot be at its slot; the text says what
+            to do.
     """
     try:
         wind_of(scenario).build(seed=scenario.seed, ua_id=0)
@@ -40,6 +39,3 @@ def preflight(scenario: Scenario, dirs: AutopilotDirs = NOT_SAID, *, repeats: bo
             launchers.of(ua).check(scenario, ua)
     except AutopilotError as error:
         raise FleetError(str(error)) from error
-    taken = conflicts(ports_of(scenario, repeats=repeats))
-    if taken:
-        raise FleetError("\n".join(taken))

@@ -1,80 +1,105 @@
-"""Port slots that runs on one machine share without meeting.
+"""Ports that runs on one machine share without meeting, whoever starts them.
 
-Each is held by a lock, which the kernel lets go with its holder, however that ends.
+Each run locks those of its ports by which others know it (`LOCKED`), from before it looks whether they are free until
+its end.
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
-from bridge.fleet.preflight.ports import conflicts, ports_of
-from bridge.scenario.file import with_changes
+from bridge.fleet.course import FleetError
+from bridge.fleet.preflight.locks import hold
+from bridge.fleet.preflight.ports import PortUse, conflicts, ports_of
 from bridge.scenario.model import Scenario
 
-FIRST_SLOT, LAST_SLOT = 20, 249
-"""Slots given out: below are those that people choose."""
-
-
-class NoSlot(RuntimeError):
-    """Too many runs at once on this machine."""
+NAME = "lostlink-tcp"
+"""How names of locks begin."""
+LOCKED = ("ports.aps", "ports.zenoh", "modems.")
+"""Settings of the ports that are locked: one of each UA, which stands for all of its slot, and those of no UA."""
+FIRST_SLOT, LAST_SLOT = 20, 2249
+"""Slots given out: below are those that people choose, and above ports that the kernel gives to clients."""
+ATTEMPTS = 5
+"""How often a run that may be anywhere is flown, as long as programs that know no locks take ports of it after the look
+at them."""
+LAST_INSTANCE = 249
+"""Of real autopilots: the last slot that PX4 takes."""
 
 
 @contextmanager
-def lease(count: int, is_usable: Callable[[int], bool] = lambda _: True) -> Iterator[int]:
-    """Hold ``count`` slots in a row, and give the first.
+def at_own_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scenario]:
+    """The scenario where it is: its ports are free, and no other run's for as long as the context lasts.
 
     Args:
-        count: how many, one per UA.
-        is_usable: asked of the first of a row that nobody holds: whether its ports are free, too.
+        scenario: of the run.
+        repeats: it repeats a record.
 
     Raises:
-        NoSlot: there is no such row.
-        OSError: the locks cannot be kept (in the system's folder for temporary files).
+        FleetError: one is taken; the text says which, by whom if known, and what to do.
+        OSError: it cannot be locked.
     """
-    folder = _folder()
-    for first in range(FIRST_SLOT, LAST_SLOT - count + 2):
-        with ExitStack() as held:
-            if all(
-                _hold(folder / f"slot-{slot}", held) for slot in range(first, first + count)
-            ) and is_usable(first):
-                yield first
-                return
-    raise NoSlot(f"no {count} port slots in a row are free between {FIRST_SLOT} and {LAST_SLOT}")
-
-
-def _folder() -> Path:
-    folder = Path(tempfile.gettempdir()) / f"lostlink-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    return folder
-
-
-def _hold(path: Path, held: ExitStack) -> bool:
-    """Lock the file; False if another holds it."""
-    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    held.callback(os.close, fd)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
+    with ExitStack() as held:
+        uses = list(ports_of(scenario, repeats=repeats))
+        taken = conflicts(uses, _lock(uses, held))
+        if taken:
+            raise FleetError("\n".join(taken))
+        yield scenario
 
 
 @contextmanager
-def at_free_ports(scenario: Scenario) -> Iterator[Scenario]:
+def at_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scenario]:
     """The scenario at slots that no other run has, and any free port for Zenoh, for as long as the context lasts.
 
+    Args:
+        scenario: of the run.
+        repeats: it repeats a record.
+
     Raises:
-        NoSlot, OSError: as `lease`.
+        FleetError: there are none; or a port that does not move with the slot is taken.
+        OSError: as `at_own_ports`.
     """
-
-    def at_slot(slot: int) -> Scenario:
-        return with_changes(scenario, {"ports.first_slot": slot, "ports.zenoh": 0})
-
     count = max((ua.id for ua in scenario.ua), default=0) + 1
-    with lease(count, lambda slot: not conflicts(ports_of(at_slot(slot)))) as slot:
-        yield at_slot(slot)
+    last = LAST_INSTANCE if scenario.autopilots & {"ardupilot", "px4"} else LAST_SLOT
+    moved = set(ports_of(_at(scenario, FIRST_SLOT + 1), repeats=repeats))
+    fixed = [use for use in ports_of(_at(scenario, FIRST_SLOT), repeats=repeats) if use in moved]
+    for slot in range(FIRST_SLOT, last - count + 2):
+        with ExitStack() as held:
+            placed = _at(scenario, slot)
+            uses = list(ports_of(placed, repeats=repeats))
+            taken = _lock(uses, held)
+            if stuck := conflicts(fixed, taken):
+                raise FleetError("\n".join(stuck))
+            if not taken and not conflicts(uses):
+                yield placed
+                return
+    raise FleetError(f"no {count} port slots in a row are free between {FIRST_SLOT} and {last}")
+
+
+@contextmanager
+def at_own_or_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scenario]:
+    """As `at_own_ports`, and if one is taken, as `at_free_ports`; with the arguments and errors of both.
+
+    A run that moves sends nothing to ``ports.gcs``: a ground station there is most likely that of the run whose ports
+    these are, which has the same sysids.
+    """
+    with ExitStack() as held:
+        try:
+            placed = held.enter_context(at_own_ports(scenario, repeats=repeats))
+        except FleetError:
+            placed = held.enter_context(at_free_ports(_with(scenario, gcs=0), repeats=repeats))
+        yield placed
+
+
+def _at(scenario: Scenario, slot: int) -> Scenario:
+    return _with(scenario, first_slot=slot, zenoh=0)
+
+
+def _with(scenario: Scenario, **ports: int) -> Scenario:
+    return scenario.model_copy(update={"ports": scenario.ports.model_copy(update=ports)})
+
+
+def _lock(uses: list[PortUse], held: ExitStack) -> set[PortUse]:
+    """Lock ports for a run; gives those that another has."""
+    locked = (use for use in uses if use.setting.startswith(LOCKED))
+    return {use for use in locked if not hold(f"{NAME}-{use.port}", held)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -15,6 +16,7 @@ from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.flying.run import SpeedOption
+from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
@@ -52,7 +54,7 @@ EXIT_INTERRUPTED = 130
     type=click.Choice(["auto", "one", "many"]),
     help="How the parts are joined; else as in RUN. The result does not depend on it.",
 )
-@click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
+@first_slot_option
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 @click.option("--quiet", is_flag=True, help="Print the result only.")
@@ -63,7 +65,7 @@ def refly(
     px4_dir: Path | None,
     speed: float | str,
     processes: str | None,
-    first_slot: int | None,
+    first_slot: FirstSlot,
     zenoh_port: int | None,
     as_json: bool,
     quiet: bool,
@@ -86,24 +88,26 @@ def refly(
     changes = {
         "speed": speed,
         "processes": processes,
-        "ports.first_slot": first_slot,
+        "ports.first_slot": slot_asked(first_slot),
         "ports.zenoh": zenoh_port,
     }
     silent, dirs = quiet or as_json, AutopilotDirs(ardupilot_dir, px4_dir)
     try:
         planned = plan(run, {k: v for k, v in changes.items() if v is not None})
-        preflight(planned.scenario, dirs.or_else(planned.dirs), repeats=True)
-        with signals_held():  # until the flight takes them: none leaves a directory without a summary
-            directory = RunDirectory.create(out, planned.scenario.name)
-            _tell_before(planned, directory, silent=silent)
-            outcome = fly_again(
-                planned,
-                directory,
-                _flight(),
-                dirs=dirs,
-                quiet=silent,
-                on_progress=None if silent else CompareProgress(),
-            )
+        with at_ports(planned.scenario, first_slot, repeats=True) as placed:
+            planned = replace(planned, scenario=placed)
+            preflight(placed, dirs.or_else(planned.dirs))
+            with signals_held():  # until the flight takes them: none leaves a directory without a summary
+                directory = RunDirectory.create(out, placed.name)
+                _tell_before(planned, directory, silent=silent)
+                outcome = fly_again(
+                    planned,
+                    directory,
+                    _flight(),
+                    dirs=dirs,
+                    quiet=silent,
+                    on_progress=None if silent else CompareProgress(),
+                )
     except Interrupted:
         fail(f"interrupted; nothing was compared; the new run is {directory.path}", EXIT_INTERRUPTED)
     except (ValueError, OSError, FleetError) as error:

@@ -19,6 +19,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.ports import at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
@@ -65,7 +66,7 @@ class SpeedOption(click.ParamType[float | str]):
     default=Path("runs"),
     help="Where runs are kept.",
 )
-@click.option("--first-slot", type=int, help="Move the ports of all UA by ten times this.")
+@first_slot_option
 @click.option("--zenoh-port", type=int, help="TCP port of the Zenoh router; 0: any free one.")
 @click.option(
     "--zenoh/--no-zenoh",
@@ -150,30 +151,32 @@ def run(
     """
     dirs = AutopilotDirs(ardupilot_dir, px4_dir)
     _check(as_json=as_json, digest=digest, control=control, view=view, zenoh=asked["zenoh"])
-    try:
-        resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
-        viewing = ViewProcess(view_port, control=control) if view else None
-        preflight(resolved, dirs)
-        flight = _flight(resolved, out, quiet=as_json or quiet)
-    except (ScenarioError, FleetError, NoView) as error:
-        fail(error)
-    except OSError as error:
-        fail(f"{out}: cannot make a directory for the run there: {error}")
-    _remark(resolved)
-    with ExitStack() as beside:
+    with ExitStack() as beside, ExitStack() as ports:
+        try:
+            resolved = scenario_with(scenario, _changes(view=view, **asked), settings)
+            viewing = ViewProcess(view_port, control=control) if view else None
+            placed = ports.enter_context(at_ports(resolved, asked["first_slot"]))
+            flight = _flight(placed, dirs, out, quiet=as_json or quiet)
+        except (ScenarioError, FleetError, NoView) as error:
+            fail(error)
+        except OSError as error:
+            fail(f"{out}: cannot make a directory for the run there: {error}")
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
             flight.view = viewing.failures(flight.directory, lambda: flight.is_flying)
             click.echo(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
+        ports.close()
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
         if viewing is not None and flight.signal is None:
             _keep(viewing, flight.directory)
     sys.exit(flight.exit_status(summary))
 
 
-def _flight(scenario: Scenario, out: Path, *, quiet: bool) -> ShownFlight:
-    """A flight and its directory, which no signal leaves without a summary."""
+def _flight(scenario: Scenario, dirs: AutopilotDirs, out: Path, *, quiet: bool) -> ShownFlight:
+    """A flight that has all it needs, and its directory, which no signal leaves without a summary."""
+    preflight(scenario, dirs)
+    _remark(scenario)
     with signals_held():
         directory = RunDirectory.create(out, scenario.name)
         return ShownFlight(scenario, directory, plain_console(stderr=quiet), quiet=quiet)
@@ -198,7 +201,11 @@ def _check(*, as_json: bool, digest: bool, control: bool, view: bool, zenoh: boo
 def _changes(*, view: bool, udp_out: tuple[str, ...], **asked: Any) -> dict[str, Any]:
     """What the options of the scenario ask for, by its keys; None where nothing is asked for."""
     places = [place for place in udp_out if place != "none"] if udp_out else None
-    given = asked | {"udp_out": places, "zenoh": True if view else asked["zenoh"]}
+    given = asked | {
+        "udp_out": places,
+        "zenoh": True if view else asked["zenoh"],
+        "first_slot": slot_asked(asked["first_slot"]),
+    }
     return {key: given[option.removeprefix("--").replace("-", "_")] for key, option in OPTIONS.items()}
 
 

@@ -18,7 +18,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
-from bridge.fleet.preflight.slots import NoSlot
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
@@ -96,7 +95,7 @@ def study(
             with _lanes(lanes, scheduler) as where:
                 failed = _show(ours.fly(where), console)
         failed += _tell_results(ours, console, as_json=as_json)
-    except (StudyError, NoSlot, OSError) as error:
+    except (StudyError, OSError) as error:
         click.echo(f"lostlink: {error}", err=True)
         sys.exit(EXIT_USAGE)
     except KeyboardInterrupt as error:

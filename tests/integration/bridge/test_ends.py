@@ -22,6 +22,7 @@ import pytest
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
+from bridge.run.directory import RunDirectory
 from tests.integration.bridge.conftest import LOSTLINK, STILL, Run, StartRun
 from tests.warm import run_lostlink
 
@@ -231,9 +232,9 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
 
 
 TAKEN_LATER = """\
-import bridge.fleet.preflight.preflight as preflight
+import bridge.fleet.preflight.slots as slots
 
-preflight.conflicts = lambda uses: []  # the port is taken by the time that it is bound
+slots.conflicts = lambda uses, held: []  # the port is taken by the time that it is bound
 """
 
 
@@ -249,6 +250,18 @@ def test_a_port_that_is_taken_after_the_look_at_it_is_no_start(
     assert f"TCP port {6760 + 10 * slot} (MAVLink server of UA 0) is in use by python" in done.stderr
     (directory,) = tmp_path.iterdir()
     assert f"TCP port {6760 + 10 * slot}" in json.loads((directory / "summary.json").read_text())["error"]
+
+
+def test_a_run_that_may_move_flies_at_free_ports(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    slot = free_slot(2)
+    options = [f"--out={tmp_path}", "--first-slot=auto", f"--set=ports.first_slot={slot}", "--duration=0.5"]
+    with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):
+        done = run_lostlink("run", *options, "--no-figure", "--no-mcap", "--quiet", timeout=60)
+    assert done.returncode == 0, done.stderr
+    (directory,) = tmp_path.iterdir()
+    moved = RunDirectory(directory).scenario.ports
+    assert moved.first_slot not in (slot - 1, slot)
+    assert f"it moves to --first-slot {moved.first_slot}, " in done.stderr
 
 
 OWN = """\

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -49,6 +50,15 @@ def test_a_mapping_is_flown_and_read_back(tmp_path: Path, scenario: dict[str, An
     assert load_run(result.path).verdict == result.verdict
     assert not RunDirectory(result.path).is_live
     assert children() == []
+
+
+def test_a_run_whose_ports_are_in_use_moves_if_it_may(tmp_path: Path, scenario: dict[str, Any]) -> None:
+    slot = scenario["ports"]["first_slot"]
+    with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):
+        with pytest.raises(FleetError, match=f"TCP port {6760 + 10 * slot} .* is in use"):
+            fly(scenario, directory=tmp_path, duration_s=0.2)
+        result = fly(scenario, first_slot="auto", directory=tmp_path, duration_s=0.2)
+    assert result.run.scenario.ports.first_slot not in (slot - 1, slot)
 
 
 @pytest.mark.slow

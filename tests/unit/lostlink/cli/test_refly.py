@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,7 @@ def fly(monkeypatch: pytest.MonkeyPatch) -> FakeFlight:
     fake = FakeFlight()
     monkeypatch.setattr(command, "_flight", lambda: fake)
     monkeypatch.setattr(command, "preflight", lambda *_, **__: None)
+    monkeypatch.setattr(command, "at_ports", lambda scenario, *_, **__: nullcontext(scenario))
     return fake
 
 

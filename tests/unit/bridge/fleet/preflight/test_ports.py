@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bridge.fleet.course import FleetError
-from bridge.fleet.preflight.preflight import preflight
+from bridge.fleet.preflight.slots import at_own_ports
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
 
@@ -42,8 +42,8 @@ def taken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Scen
 
 def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, int]) -> None:
     scenario, port = taken
-    with pytest.raises(FleetError) as told:
-        preflight(scenario)
+    with pytest.raises(FleetError) as told, at_own_ports(scenario):
+        pass
     [line] = str(told.value).splitlines()
     assert f"port {port} (modem of node gcs on main) is in use" in line
     assert line.endswith(
@@ -52,4 +52,5 @@ def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, 
 
 
 def test_a_run_that_repeats_a_record_serves_no_modem(taken: tuple[Scenario, int]) -> None:
-    preflight(taken[0], repeats=True)
+    with at_own_ports(taken[0], repeats=True) as placed:
+        assert placed is taken[0]
