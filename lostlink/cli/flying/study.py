@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from rich.table import Table
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
+from fdm.exchange.settings import core_count
 from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
 from lostlink.cli.shown_table import print_table
@@ -192,7 +192,7 @@ def _interrupt(number: int, _: Any) -> None:
 def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
     if scheduler is not None:
         return DaskLanes(scheduler)
-    return LocalLanes(lanes or min(8, len(os.sched_getaffinity(0))))
+    return LocalLanes(lanes or min(8, core_count()))
 
 
 def _tell_left(ours: Study, console: Console) -> int:
