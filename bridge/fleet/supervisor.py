@@ -23,13 +23,14 @@ from bridge.fleet.course import Course, Ending, FleetError
 from bridge.fleet.glance import Glance
 from bridge.fleet.hosts import host_groups
 from bridge.fleet.how import How, calls_standins, has_bus, how_joined
+from bridge.fleet.log_sizes import LogSizes
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.preflight.ports import HOST
 from bridge.fleet.preflight.preflight import launchers_of
 from bridge.record.events import DIED, KILLED, Report
 from bridge.record.provenance import collect, write_provenance
-from bridge.run.directory import SECRETS_FOLDER, RunDirectory
+from bridge.run.directory import LOG_FOLDER, SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
 from bridge.scenario.resolve.named_files import named_code
@@ -220,9 +221,11 @@ class Fleet:
         """Wait for the end of the run; give it up when time stands still."""
         loop = asyncio.get_running_loop()
         self._last_tick = loop.time()
-        patience_s = patience_of(self._scenario)
+        patience_s, sizes = patience_of(self._scenario), LogSizes(self._run.path / LOG_FOLDER)
         while True:
             await asyncio.sleep(1.0)
+            for text in sizes.told():
+                self._observer.on_warning(text)
             silence_s = loop.time() - self._last_tick
             if silence_s > patience_s:
                 at_s = self.course.sim_time_ns / 1e9
