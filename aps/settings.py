@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from aps.config import DaemonConfig
 from aps.links.address import parse_address, parse_autopilot, parse_host_port
+from sitl_configs.yaml_text import YamlMistake, read_yaml
 
 __all__ = ["DaemonSettings", "FileSettings", "SettingsError", "read_settings"]
 
@@ -91,12 +91,13 @@ def read_settings(path: Path) -> FileSettings:
         SettingsError: it cannot be read, is no YAML, or has wrong keys or values.
     """
     try:
-        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
-        return FileSettings.model_validate(content)
+        return FileSettings.model_validate(read_yaml(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise SettingsError(f"{path}: {error.strerror or error}") from error
-    except yaml.YAMLError as error:
-        raise SettingsError(f"{path}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path}: is not UTF-8 text") from error
+    except YamlMistake as error:
+        raise SettingsError(f"{path}{'' if error.line is None else f':{error.line}'}: {error}") from error
     except ValidationError as error:
         raise SettingsError(mistakes(error, str(path))) from error
 

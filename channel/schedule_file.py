@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import yaml
 from pydantic import ValidationError
 
 from channel.access.settings.slots import SlotSchedule
 from channel.preset_errors import PresetError, Tree, at_once, line_of, mistakes_in
+from sitl_configs.yaml_text import YamlMistake, read_yaml
 
 KEY: Final = "schedule_file"
 OF_A_SLOT = re.compile(r"(slots\.\d+(?:\.\w+)?): (.*)", re.DOTALL)
@@ -45,15 +45,13 @@ def _in_file(file: Path, key: str, problem: str) -> PresetError:
 
 def _tree(file: Path, named_by: str) -> Tree:
     try:
-        tree: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
+        tree = read_yaml(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise PresetError(f"cannot read {file}: {error.strerror}", key=named_by) from error
     except UnicodeDecodeError as error:
         raise PresetError("is not a file of text", file=str(file)) from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = None if mark is None else mark.line + 1
-        raise PresetError("is not YAML", file=str(file), line=line) from error
+    except YamlMistake as error:
+        raise PresetError(str(error), file=str(file), line=error.line) from error
     if not isinstance(tree, dict):
         raise PresetError("is not a mapping of keys to values", file=str(file))
     return tree

@@ -11,8 +11,9 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
+
 M = TypeVar("M", bound=BaseModel)
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 WORDS = {
     "float_type": "has to be a number",
     "float_parsing": "has to be a number",
@@ -37,24 +38,16 @@ def read_model(path: Path, model: type[M], mistake: type[Exception]) -> M:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        return model.model_validate(_read_yaml(text))
+        return model.model_validate(read_yaml(text, is_ours=ships(path)))
     except OSError as error:
         raise mistake(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise mistake(f"{path}: is not UTF-8 text") from None
-    except (yaml.YAMLError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = "" if mark is None else f":{mark.line + 1}"
-        raise mistake(f"{path}{line}: is not YAML: {getattr(error, 'problem', None) or error}") from None
+    except YamlMistake as error:
+        line = "" if error.line is None else f":{error.line}"
+        raise mistake(f"{path}{line}: {error}") from None
     except ValidationError as error:
         raise mistake("\n".join(_explained(path, text, error, model))) from None
-
-
-def _read_yaml(text: str) -> Any:
-    try:
-        return yaml.load(text, Loader=_LOADER)
-    except yaml.YAMLError:
-        return yaml.safe_load(text)  # slower, and has more words for mistakes
 
 
 def unknown(what: str, name: object, known: Iterable[str]) -> str:
@@ -66,7 +59,7 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
 
 
 def _explained(path: Path, text: str, error: ValidationError, model: type[BaseModel]) -> Iterator[str]:
-    content = _read_yaml(text)
+    content = read_yaml(text)
     for problem in error.errors():
         location, kind = problem["loc"], problem["type"]
         if kind == "too_short" and len(problem["input"]) >= problem["ctx"]["min_length"]:

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import yaml
-
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.modules import CODE
 from bridge.scenario.resolve.sources import Code, code_of
+from sitl_configs.yaml_text import YamlMistake, read_yaml
 
 TREES = (".yaml", ".yml")
 
@@ -96,8 +95,8 @@ def _file_of(text: str) -> Path:
 
 def _tree(path: Path) -> Any:
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return read_yaml(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, YamlMistake):
         return None  # whoever loads it says what is wrong
 
 

@@ -143,7 +143,9 @@ async def test_a_file_of_daemons_with_udp_output_and_tlog(autopilot, make_udp_pe
         ("daemons: [{sysid: 0}]", "daemons.0.sysid: Input should be greater than or equal to 1, not 0"),
         ("daemons: [{udp: x}]", "daemons.0.udp: Extra inputs are not permitted"),
         ("daemons: [{udp_out: [nowhere]}]", "'udp-out:nowhere' is not udp-out:HOST:PORT"),
-        ("[", "daemons.yaml: while parsing"),
+        ("[", "daemons.yaml:1: is not YAML: "),
+        ("[" * 100_000, "daemons.yaml: is nested too deeply"),
+        ("daemons: []\ndaemons: []", "daemons.yaml:2: daemons: given twice, before on line 1"),
     ],
 )
 def test_mistakes_in_a_file_are_told_with_their_place(tmp_path, content, message, capsys):

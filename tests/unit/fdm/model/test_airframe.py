@@ -80,7 +80,7 @@ def test_a_property_has_one_driver(tmp_path, f450_data):
         load_airframe(write(tmp_path, f450_data))
 
 
-@pytest.mark.parametrize("text", ["", "- 1", "a: [", "\x00"])
+@pytest.mark.parametrize("text", ["", "- 1", "a: [", "\x00", "name: a\nname: b", "[" * 100_000])
 def test_a_file_that_is_no_airframe_is_an_airframe_error(tmp_path, text):
     with pytest.raises(AirframeError, match=r"mine\.yaml"):
         load_airframe(write(tmp_path, text))

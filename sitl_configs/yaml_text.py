@@ -1,0 +1,100 @@
+"""Text in YAML to what it says, for files that anybody writes: whatever is in them, there is a value or a mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+SHIPPED = Path(__file__).resolve().parent
+VALUES_MAX = 1_000_000
+"""A file has hundreds; aliases of aliases may stand for more than there is memory."""
+OURS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Loader of what ships, or what we wrote: ten times as fast where libyaml is, which a text that is nested too deeply
+crashes, with the whole process."""
+
+
+class YamlMistake(ValueError):
+    """A text that is not YAML, or says something twice.
+
+    Attributes:
+        line: where, from 1; None if it is nowhere in particular.
+    """
+
+    def __init__(self, text: str, line: int | None = None) -> None:
+        super().__init__(text)
+        self.line = line
+
+
+def ships(file: Path) -> bool:
+    """Whether a file is one of ours."""
+    return file.resolve().is_relative_to(SHIPPED)
+
+
+def read_yaml(text: str, *, is_ours: bool = False) -> Any:
+    """Return what a text says.
+
+    Args:
+        text: the text.
+        is_ours: it ships, or we wrote it: it is YAML.
+
+    Raises:
+        YamlMistake: it is not YAML, is nested too deeply, has too many values, or has a key twice.
+    """
+    if is_ours:
+        return yaml.load(text, Loader=OURS)
+    try:
+        loader = yaml.SafeLoader(text)
+        try:
+            root = loader.get_single_node()
+            if root is None:
+                return None
+            _count(root, {})
+            return loader.construct_document(root)
+        finally:
+            loader.dispose()
+    except YamlMistake:
+        raise
+    except yaml.YAMLError as error:
+        raise YamlMistake(f"is not YAML: {getattr(error, 'problem', None) or error}", _line(error)) from None
+    except RecursionError:
+        raise YamlMistake("is nested too deeply") from None
+    except ValueError as error:  # a date that is none, say
+        raise YamlMistake(f"is not YAML: {error}") from None
+
+
+def _line(error: yaml.YAMLError) -> int | None:
+    mark = getattr(error, "problem_mark", None)
+    return None if mark is None else mark.line + 1
+
+
+def _count(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Return how many values a node stands for, with aliases in full."""
+    if id(node) in counted:
+        if not counted[id(node)]:
+            raise YamlMistake("an alias of what it is in", node.start_mark.line + 1)
+        return counted[id(node)]
+    counted[id(node)] = 0
+    count = 1
+    if isinstance(node, yaml.SequenceNode):
+        count += sum(_count(item, counted) for item in node.value)
+    elif isinstance(node, yaml.MappingNode):
+        _refuse_twice(node)
+        count += sum(_count(part, counted) for pair in node.value for part in pair)
+    if count > VALUES_MAX:
+        raise YamlMistake(f"has more than {VALUES_MAX} values")
+    counted[id(node)] = count
+    return count
+
+
+def _refuse_twice(node: yaml.MappingNode) -> None:
+    lines: dict[str, int] = {}
+    for key, _ in node.value:
+        line = key.start_mark.line + 1
+        if isinstance(key, yaml.ScalarNode):
+            if key.value in lines:
+                raise YamlMistake(
+                    f"{key.value}: given twice, before on line {lines[key.value]}: keep one of them", line
+                )
+            lines[key.value] = line

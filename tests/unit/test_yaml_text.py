@@ -1,0 +1,61 @@
+"""YAML that anybody writes gives a value or a mistake, whatever it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
+
+BOMB = "\n".join(
+    ["a0: &a0 [1, 2]", *(f"a{n + 1}: &a{n + 1} [{', '.join([f'*a{n}'] * 10)}]" for n in range(8))]
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "told"),
+    [
+        ("a: 1\nb: 2\na: 3\n", 3, "a: given twice, before on line 1: keep one of them"),
+        ("a:\n  - {b: 1, b: 2}\n", 2, "b: given twice, before on line 2: keep one of them"),
+        ("a: [1\nb: 2", 2, "is not YAML: "),
+        ("a: 2024-13-45", None, "is not YAML: month must be in 1..12"),
+        ("a: &x [1, *x]", 1, "an alias of what it is in"),
+        ("[" * 100_000, None, "is nested too deeply"),  # libyaml crashes of it
+        ("[" * 100_000 + "]" * 100_000, None, "is nested too deeply"),
+        (BOMB, None, "has more than 1000000 values"),
+        ("a: \x00", None, "is not YAML: "),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_line(text: str, line: int | None, told: str) -> None:
+    with pytest.raises(YamlMistake) as caught:
+        read_yaml(text)
+    assert str(caught.value).startswith(told)
+    assert caught.value.line == line
+
+
+@given(st.text())
+def test_any_text_is_a_value_or_a_mistake(text: str) -> None:
+    try:
+        found = read_yaml(text)
+    except YamlMistake:
+        return
+    assert repr(found) == repr(yaml.safe_load(text))
+
+
+def test_what_ships_is_read_as_what_does_not(tmp_path: Path) -> None:
+    shipped = sorted((Path(__file__).parents[2] / "sitl_configs").rglob("*.yaml"))
+    assert len(shipped) > 10
+    for file in shipped:
+        assert ships(file)
+        text = file.read_text(encoding="utf-8")
+        assert read_yaml(text, is_ours=True) == read_yaml(text)
+    assert not ships(tmp_path / "mine.yaml")
+
+
+def test_aliases_and_merges_stay(tmp_path: Path) -> None:
+    text = "base: &base {a: 1, b: 2}\nmine: {<<: *base, b: 3}\nagain: *base\n"
+    assert read_yaml(text) == {"base": {"a": 1, "b": 2}, "mine": {"a": 1, "b": 3}, "again": {"a": 1, "b": 2}}
