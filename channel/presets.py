@@ -19,6 +19,7 @@ from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, 
 from channel.propagation.terrain import Terrain
 from channel.schedule_file import KEY as SCHEDULE_KEY
 from channel.schedule_file import read_schedule
+from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
 
 __all__ = [
     "PresetError",
@@ -33,9 +34,6 @@ __all__ = [
     "seen_from",
     "yaml_value",
 ]
-
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""For what ships: ten times as fast where libyaml is, which a file that is nested too deeply can crash."""
 
 
 def presets_directory() -> Path:
@@ -204,15 +202,12 @@ def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
     """Return the tree of a file; `extending` are the files that lead to it."""
     if file.resolve() in extending:
         raise PresetError("extends itself", key="preset", file=str(file))
-    loader = _LOADER if file.parent == presets_directory() else yaml.SafeLoader
     try:
-        tree = yaml.load(file.read_text(encoding="utf-8"), Loader=loader)
+        tree = read_yaml(file.read_text(encoding="utf-8"), is_ours=ships(file))
     except (OSError, UnicodeDecodeError) as error:
         raise PresetError("is not a file of text", file=str(file)) from error
-    except (yaml.YAMLError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = None if mark is None else mark.line + 1
-        raise PresetError("is not YAML", file=str(file), line=line) from error
+    except YamlMistake as error:
+        raise PresetError(str(error), file=str(file), line=error.line) from error
     if not isinstance(tree, dict):
         raise PresetError("is not a mapping of keys to values", file=str(file))
     try:
@@ -310,6 +305,6 @@ def _covers(given: str, key: str) -> bool:
 def _extended_by(file: Path) -> list[Path]:
     """Return a preset's file and those that it extends, which have been read."""
     files = [file]
-    while preset := yaml.safe_load(files[-1].read_text(encoding="utf-8")).get("preset"):
+    while preset := read_yaml(files[-1].read_text(encoding="utf-8")).get("preset"):
         files.append(_preset_file(str(preset), files[-1].parent))
     return files

@@ -42,9 +42,9 @@ def read_yaml(text: str, *, is_ours: bool = False) -> Any:
     Raises:
         YamlMistake: it is not YAML, is nested too deeply, has too many values, or has a key twice.
     """
-    if is_ours:
-        return yaml.load(text, Loader=OURS)
     try:
+        if is_ours:
+            return yaml.load(text, Loader=OURS)
         loader = yaml.SafeLoader(text)
         try:
             root = loader.get_single_node()

@@ -170,7 +170,7 @@ def test_text_that_is_not_yaml(tmp_path):
 def test_a_file_that_is_nested_too_deeply_is_refused(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("a: " + "[\n" * 10_000)
-    with pytest.raises(PresetError, match=r"mine\.yaml: is not YAML"):
+    with pytest.raises(PresetError, match=r"mine\.yaml: is nested too deeply"):
         presets.load_radio(file)
 
 
