@@ -6,7 +6,7 @@ import errno
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -14,9 +14,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
+from bridge.run.carried import with_radios_carried, with_radios_placed
+from bridge.scenario.document.files import Find, files_placed
 from bridge.scenario.model import Scenario
 
 RUN_FILE = "run.json"
@@ -128,11 +132,12 @@ class RunDirectory:
         hosts: Mapping[str, Sequence[str]] | None = None,
         keyring: Keyring | None = None,
     ) -> RunInfo:
-        """Write what the run's processes read."""
+        """Write what the run's processes read; radios that the scenario names by file are copied."""
         groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
         repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
         info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets)
-        (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
+        content = with_radios_carried(scenario.model_dump(mode="json", by_alias=True), self.path)
+        (self.path / SCENARIO_FILE).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
 
@@ -173,10 +178,21 @@ class RunDirectory:
         Raises:
             OSError, ValueError: if the file is not there or not ours.
         """
+        return self._scenario(lambda content: with_radios_placed(content, self.path.absolute()))
+
+    def scenario_with(self, find: Find) -> Scenario:
+        """The same, with each file that it names where that lies now.
+
+        Raises:
+            OSError, ValueError: as of `scenario`.
+        """
+        return self._scenario(lambda content: files_placed(content, self.path.absolute(), find))
+
+    def _scenario(self, placed: Callable[[Any], Any]) -> Scenario:
         file = self.path / SCENARIO_FILE
         if not file.exists():
             raise ValueError(f"{self.path} is not the directory of a run (it has no {SCENARIO_FILE})")
-        return Scenario.from_yaml(file.read_text(encoding="utf-8"))
+        return Scenario.from_yaml(file.read_text(encoding="utf-8"), placed)
 
     @property
     def summary(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from bridge.record.names import as_seen_from
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
@@ -93,7 +94,7 @@ def _run(run: Run) -> Content:
         "description": scenario.description,
         "seed": scenario.seed,
         "autopilot": scenario.autopilots_in_words,
-        "radio": radio_name(scenario),
+        "radio": as_seen_from(run.path, radio_name(scenario)),
         "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,
         "tick_rate_hz": scenario.tick_rate_hz,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from bridge.record.names import as_seen_from
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
 from lostlink.report import packets
@@ -100,12 +101,18 @@ def settings_of(runs: Sequence[Run]) -> dict[str, list[Any]]:
 
     Of nodes that are not in all runs there is one row: how many nodes each run has.
     """
-    flat = [_flat(run.scenario.model_dump(mode="json", by_alias=True)) for run in runs]
+    flat = [_settings(run) for run in runs]
     common = set.intersection(*({node.node for node in run.scenario.nodes} for run in runs))
     keys = [key for key in dict.fromkeys(key for each in flat for key in each) if _is_told(key, common)]
     values: dict[str, list[Any]] = {"nodes": [len(run.scenario.nodes) for run in runs]}
     values |= {key: [each.get(key) for each in flat] for key in keys}
     return {key: each for key, each in values.items() if any(value != each[0] for value in each)}
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    """Dotted; a radio that the run carries is that in its directory, wherever it lies."""
+    flat = _flat(run.scenario.model_dump(mode="json", by_alias=True))
+    return {key: as_seen_from(run.path, v) if isinstance(v, str) else v for key, v in flat.items()}
 
 
 def _is_told(key: str, common: set[str]) -> bool:

@@ -41,6 +41,12 @@ EXIT_INTERRUPTED = 130
     help="Where real ArduPilot binaries are; else where RUN's were, else ARDUPILOT_HOME, else PATH.",
 )
 @click.option(
+    "--code",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    metavar="FOLDER",
+    help="Below which folder agents' files, winds and airframes of RUN lie now, if they are no more where they were.",
+)
+@click.option(
     "--speed",
     type=SpeedOption(),
     default="max",
@@ -61,6 +67,7 @@ def refly(
     out: Path,
     ardupilot_dir: Path | None,
     px4_dir: Path | None,
+    code: Path | None,
     speed: float | str,
     processes: str | None,
     first_slot: int | None,
@@ -80,6 +87,7 @@ def refly(
       lostlink refly runs/20261121T120000Z-separation
       lostlink refly runs/A --ardupilot-dir ~/ardupilot --first-slot 20 --zenoh-port 0
       lostlink refly runs/A --json | jq .difference
+      lostlink refly unzipped/runs/A --code unzipped
     """
     from lostlink.refly.reflight import Interrupted, fly_again, plan
 
@@ -91,7 +99,7 @@ def refly(
     }
     silent, dirs = quiet or as_json, AutopilotDirs(ardupilot_dir, px4_dir)
     try:
-        planned = plan(run, {k: v for k, v in changes.items() if v is not None})
+        planned = plan(run, {k: v for k, v in changes.items() if v is not None}, code)
         preflight(planned.scenario, dirs.or_else(planned.dirs), repeats=True)
         with signals_held():  # until the flight takes them: none leaves a directory without a summary
             directory = RunDirectory.create(out, planned.scenario.name)
