@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bridge.record.names import as_seen_from
+from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
 from lostlink.report import packets
@@ -54,8 +55,9 @@ def side_by_side(runs: Sequence[Run], tell: Callable[[str], object] = lambda _st
     for name, column in zip(_names(runs), columns, strict=True):
         column["name"] = name
     for column in columns:
+        is_known = column["digest"] and not column["summary_mistakes"]
         same = (other["name"] for other in columns if other["digest"] == column["digest"])
-        column["same_as"] = next(same, None) if column["digest"] else None
+        column["same_as"] = next(same, None) if is_known else None
     result: Content = plain({"schema": SCHEMA, "runs": columns, "settings": settings_of(runs)})
     return result
 
@@ -77,6 +79,7 @@ def _column(run: Run) -> Content:
         "verdict": run.verdict,
         "expectations_failed": [e["name"] for e in summary.get("expectations") or [] if not e["passed"]],
         "digest": run.digest,
+        "summary_mistakes": mistakes_in_summary(run.path),
         "sim_duration_s": summary.get("sim_duration_s", end_ns / 1e9),
         **packets.totals_of(links),
         "separation_min_m": least_separation_m(run),
@@ -185,8 +188,16 @@ def _spread(shares: list[float | None]) -> float:
 
 
 def sameness(content: Content) -> str:
-    """One sentence: which runs are the same in all that repeats."""
-    runs = content["runs"]
+    """Which runs are the same in all that repeats, and of which that cannot be said."""
+    forged = [run["name"] for run in content["runs"] if run["summary_mistakes"]]
+    runs = [run for run in content["runs"] if not run["summary_mistakes"]]
+    if forged:
+        rest = f" {_sameness(runs)}" if len(runs) > 1 else ""
+        return f"The summary of {' and of '.join(forged)} is not that of its record.{rest}"
+    return _sameness(runs)
+
+
+def _sameness(runs: list[dict[str, Any]]) -> str:
     groups: dict[str, list[str]] = {}
     for run in runs:
         if run["digest"]:
