@@ -1,7 +1,8 @@
 """The radios that a scenario names by file, in the run's directory: with them a record is read wherever it lies.
 
 `radios/lab.yaml` is a radio whole: with what it extends and its tables. Maps and terrain lie beside. What is code stays
-where it is (`lostlink.reading.moved`), and so do files that are too large to be copied for each run.
+where it is, named by the scenario (`lostlink.reading.moved` finds it), and so do files that are too large to be copied
+for each run.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import yaml
 from bridge.scenario.document.files import YAML
 
 RADIO_FOLDER: Final = "radios"
+CODE: Final = ".py:"
 Change = Callable[[Any], Any]
 LARGE_BYTES: Final = 64 << 20
 """Maps above this are not copied."""
@@ -73,23 +75,31 @@ class _Carried:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._names: dict[Path, str] = {}
+        self._code: dict[Path, dict[str, Any]] = {}
+        """By radio, its parts that are models of the user's own: the scenario has them, so that they can be found."""
 
     def setting(self, setting: Any) -> Any:
         """A radio as a scenario has it: a preset's name, a file, or a mapping, which may extend one."""
-        if isinstance(setting, str):
-            file = Path(setting)
-            is_file = file.suffix in YAML and file.is_file()
-            return f"{RADIO_FOLDER}/{self._radio(file)}" if is_file else setting
-        out: dict[str, Any] = self._with_maps(setting, f"{RADIO_FOLDER}/")
-        return out | {key: self.setting(name) for key, name in setting.items() if key == "preset"}
+        from channel.presets import merged  # whoever only reads runs need not wait for it
+
+        over = {"preset": setting} if isinstance(setting, str) else dict(setting)
+        file = Path(str(over.get("preset", "")))
+        if file.suffix in YAML and file.is_file():
+            over["preset"] = f"{RADIO_FOLDER}/{self._radio(file)}"
+            over = merged(self._code[file], over)
+        over = self._with_maps(over, f"{RADIO_FOLDER}/")
+        return over["preset"] if isinstance(setting, str) and len(over) == 1 else over
 
     def _radio(self, file: Path) -> str:
-        from channel.presets import radio_tree  # whoever only reads runs need not wait for it
+        from channel.presets import radio_tree
 
         if file not in self._names:
             name = self._names[file] = self._free_name(file)
+            tree = radio_tree(file)
+            self._code[file] = {key: part for key, part in tree.items() if _has_code(part)}
+            whole = {key: part for key, part in tree.items() if key not in self._code[file]}
             if file != self._folder / name:
-                text = yaml.safe_dump(self._with_maps(radio_tree(file)), sort_keys=False, allow_unicode=True)
+                text = yaml.safe_dump(self._with_maps(whole), sort_keys=False, allow_unicode=True)
                 (self._folder / name).write_text(text, encoding="utf-8")
         return self._names[file]
 
@@ -122,3 +132,12 @@ class _Carried:
             number += 1
             name = f"{file.stem}-{number}{file.suffix}"
         return name
+
+
+def _has_code(tree: Any) -> bool:
+    """Whether a part of a radio has a class in a file of the user's."""
+    if isinstance(tree, list):
+        return any(map(_has_code, tree))
+    if not isinstance(tree, dict):
+        return False
+    return CODE in str(tree.get("class", "")) or any(map(_has_code, tree.values()))

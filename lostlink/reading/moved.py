@@ -41,7 +41,8 @@ class Moved:
     def find(self, text: str) -> str:
         """The same path (or ``FILE.py:NAME``), or where it lies now if it can be found there."""
         file, colon, name = text.rpartition(":")
-        path, name = (Path(file), colon + name) if file.endswith(CODE) else (Path(text), "")
+        file, name = (file, colon + name) if file.endswith(CODE) else (text, "")
+        path = Path(os.path.normpath(file))
         if path not in self._there:
             self._look_for(path)
         return f"{self.found[path]}{name}" if path in self.found else text
@@ -64,7 +65,7 @@ class Moved:
     def renamed(self, files: Mapping[str, str]) -> dict[str, str]:
         """Digests by recorded path, by the paths that the files have now."""
         folders = self.folders
-        return {str(_moved_along(Path(path), folders)): digest for path, digest in files.items()}
+        return {str(_moved_along(Path(os.path.normpath(p)), folders)): digest for p, digest in files.items()}
 
     def _look_for(self, path: Path) -> None:
         self._there.add(path)
@@ -90,7 +91,7 @@ class Moved:
     def _recorded(self) -> Mapping[str, str]:
         """Digests by recorded path."""
         made = read_provenance(self._run)
-        return {} if made is None else made.files
+        return {} if made is None else {os.path.normpath(path): one for path, one in made.files.items()}
 
 
 def scenario_of(run: Path) -> Scenario:

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from bridge.record.provenance import collect, write_provenance
 from bridge.run import carried
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.named_files import named_files
 from bridge.scenario.resolve.radio import radio_from, radios_of
 from channel.presets import radio_to_yaml
 from lostlink.reading.moved import scenario_of
-from tests.unit.bridge.scenario.test_named_files import GAINS
+from tests.unit.bridge.scenario.test_named_files import ANTENNA, GAINS
 
 SCENARIO = """\
 schema: 1
@@ -48,6 +50,11 @@ def folder(tmp_path: Path) -> Path:
         "preset: moon2020\nerror: {model: snr-table, table_file: per.csv, reference_length_bytes: 40}\n"
     )
     (folder / "there" / "per.csv").write_text(TABLE)
+    (folder / "there" / "models").mkdir()
+    (folder / "there" / "models" / "mine.py").write_text(ANTENNA)
+    (folder / "there" / "own.yaml").write_text(
+        "preset: moon2020\nantenna: {class: '../there/models/mine.py:Mine', gain_db: 2}\n"
+    )
     return folder
 
 
@@ -98,3 +105,21 @@ def test_a_map_that_is_too_large_to_be_copied_stays_where_it_is(
     RunDirectory(tmp_path).write(scenario, "")
     assert not list((tmp_path / "radios").glob("*.csv"))
     assert radios(RunDirectory(tmp_path).scenario, folder) == radios(scenario, folder)
+
+
+@pytest.mark.parametrize("radio", ["there/own.yaml", "{preset: there/own.yaml, antenna: {gain_db: 3}}"])
+def test_a_model_of_ones_own_in_a_radio_is_found_where_it_lies(
+    folder: Path, tmp_path: Path, radio: str
+) -> None:
+    text = SCENARIO.replace("{preset: here/lab.yaml, transmit_power_dbm: 17}", radio)
+    scenario = parse_scenario(text, "own.yaml", folder)
+    run = folder / "runs" / "A"
+    run.mkdir(parents=True)
+    RunDirectory(run).write(scenario, "")
+    write_provenance(collect({}, named_files(scenario)), run)
+    flown = radios(RunDirectory(run).scenario, folder)
+    assert flown[1] == radios(scenario, folder)[1]
+    elsewhere = folder.rename(tmp_path / "elsewhere")
+    found = [each.replace("there/../there/", "there/") for each in flown]
+    assert "there/models/mine.py:Mine" in found[1]
+    assert radios(scenario_of(elsewhere / "runs" / "A"), elsewhere) == found
