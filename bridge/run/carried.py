@@ -7,8 +7,9 @@ for each run.
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -24,8 +25,10 @@ LARGE_BYTES: Final = 64 << 20
 """Maps above this are not copied."""
 
 
-def with_radios_carried(content: dict[str, Any], run: Path) -> dict[str, Any]:
-    """Copy the radios of a scenario into a run's directory; gives the scenario as seen from there.
+def with_radios_carried(content: dict[str, Any], run: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Copy the radios of a scenario into a run's directory.
+
+    Gives the scenario as seen from there, and of each file that was copied where it came from.
 
     Args:
         content: of the scenario, with absolute paths.
@@ -35,15 +38,22 @@ def with_radios_carried(content: dict[str, Any], run: Path) -> dict[str, Any]:
         OSError: it cannot be written.
         PresetError: a radio's file cannot be read.
     """
-    return _with_radios(content, _Carried(run / RADIO_FOLDER).setting)
+    carried = _Carried(run / RADIO_FOLDER)
+    return _with_radios(content, carried.setting), carried.origins
 
 
-def with_radios_placed(content: dict[str, Any], run: Path) -> dict[str, Any]:
-    """The same scenario with absolute paths again."""
-    with suppress(
-        AttributeError, TypeError
-    ):  # of what is no scenario: whoever validates it says what is wrong
-        return _with_radios(content, lambda setting: _placed(setting, run))
+def with_radios_placed(content: dict[str, Any], run: Path, origins: Mapping[str, str]) -> dict[str, Any]:
+    """The same scenario with absolute paths again: of where its radios came from, if they are there.
+
+    A process that is forked has read those already; GDAL does not work in both.
+    """
+
+    def path_of(name: str) -> str:
+        origin = origins.get(name, "")
+        return origin if os.path.isfile(origin) else str(run / name)  # noqa: PTH113
+
+    with suppress(AttributeError, TypeError):  # of what is no scenario: its validation says what is wrong
+        return _with_radios(content, lambda setting: _placed(setting, path_of))
     return content
 
 
@@ -60,15 +70,15 @@ def _with_radios(content: dict[str, Any], change: Change) -> dict[str, Any]:
     return {key: changed[key](part) if key in changed else part for key, part in content.items()}
 
 
-def _placed(setting: Any, run: Path) -> Any:
+def _placed(setting: Any, path_of: Callable[[str], str]) -> Any:
     """A radio, or part of one, with absolute paths of what was carried."""
     if isinstance(setting, dict):
         return {
-            key: _placed(part, run) if isinstance(part, dict) or key in ("preset", "file") else part
+            key: _placed(part, path_of) if isinstance(part, dict) or key in ("preset", "file") else part
             for key, part in setting.items()
         }
     is_carried = isinstance(setting, str) and setting.startswith(f"{RADIO_FOLDER}/")
-    return str(run / setting) if is_carried else setting
+    return path_of(setting) if is_carried else setting
 
 
 class _Carried:
@@ -77,6 +87,11 @@ class _Carried:
         self._names: dict[Path, str] = {}
         self._code: dict[Path, dict[str, Any]] = {}
         """By radio, its parts that are models of the user's own: the scenario has them, so that they can be found."""
+
+    @property
+    def origins(self) -> dict[str, str]:
+        """Where each file came from, by its path as seen from the run's directory."""
+        return {f"{RADIO_FOLDER}/{name}": str(file) for file, name in self._names.items()}
 
     def setting(self, setting: Any) -> Any:
         """A radio as a scenario has it: a preset's name, a file, or a mapping, which may extend one."""

@@ -45,6 +45,7 @@ class RunInfo:
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
         hosts: by name, the ids of the nodes in each.
         secrets: directory of its passwords, as long as it goes on.
+        radios: where files of `radios/` came from, by their paths as seen from the run's directory.
     """
 
     run: str
@@ -53,6 +54,7 @@ class RunInfo:
     replay: str = ""
     hosts: dict[str, list[str]] = field(default_factory=dict)
     secrets: str = ""
+    radios: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -135,8 +137,8 @@ class RunDirectory:
         """Write what the run's processes read; radios that the scenario names by file are copied."""
         groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
         repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
-        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets)
-        content = with_radios_carried(scenario.model_dump(mode="json", by_alias=True), self.path)
+        content, radios = with_radios_carried(scenario.model_dump(mode="json", by_alias=True), self.path)
+        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets, radios)
         (self.path / SCENARIO_FILE).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
@@ -173,15 +175,18 @@ class RunDirectory:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario as resolved.
+        """The scenario as resolved, for the run's own processes.
 
         Raises:
             OSError, ValueError: if the file is not there or not ours.
         """
-        return self._scenario(lambda content: with_radios_placed(content, self.path.absolute()))
+        origins: Mapping[str, str] = {}
+        with suppress(OSError, ValueError):  # a record can be read without
+            origins = self.info.radios
+        return self._scenario(lambda content: with_radios_placed(content, self.path.absolute(), origins))
 
     def scenario_with(self, find: Find) -> Scenario:
-        """The same, with each file that it names where that lies now.
+        """The same for whoever reads the record: with the radios in it, and other files where they lie now.
 
         Raises:
             OSError, ValueError: as of `scenario`.

@@ -87,6 +87,19 @@ def test_a_record_needs_no_file_of_a_radio_from_outside(moved: tuple[list[str], 
     assert str(run.parent) not in (run / SCENARIO_FILE).read_text()
 
 
+def test_a_run_reads_the_radios_that_were_read_before_it_and_others_those_that_it_has(
+    folder: Path, tmp_path: Path
+) -> None:
+    """As they were: a radio that was altered since is another."""
+    scenario = parse_scenario(SCENARIO, "own.yaml", folder)
+    RunDirectory(tmp_path).write(scenario, "")
+    assert RunDirectory(tmp_path).scenario == scenario
+    flown = radios(scenario_of(tmp_path), tmp_path / "radios")
+    assert flown == radios(scenario, folder / "here")
+    (folder / "here" / "lab.yaml").write_text("preset: disk\n")
+    assert radios(scenario_of(tmp_path), tmp_path / "radios") == flown
+
+
 def test_a_run_that_is_written_again_carries_them_too(moved: tuple[list[str], Path], tmp_path: Path) -> None:
     """As that of `redecide --out`; over itself, nothing is lost."""
     flown, run = moved
@@ -94,7 +107,7 @@ def test_a_run_that_is_written_again_carries_them_too(moved: tuple[list[str], Pa
     again.mkdir()
     for target in (again, run):
         RunDirectory(target).write(RunDirectory(run).scenario, "")
-        assert radios(RunDirectory(target).scenario, target / "radios") == flown
+        assert radios(scenario_of(target), target / "radios") == flown
 
 
 def test_a_map_that_is_too_large_to_be_copied_stays_where_it_is(
@@ -117,7 +130,7 @@ def test_a_model_of_ones_own_in_a_radio_is_found_where_it_lies(
     run.mkdir(parents=True)
     RunDirectory(run).write(scenario, "")
     write_provenance(collect({}, named_files(scenario)), run)
-    flown = radios(RunDirectory(run).scenario, folder)
+    flown = radios(scenario_of(run), folder)
     assert flown[1] == radios(scenario, folder)[1]
     elsewhere = folder.rename(tmp_path / "elsewhere")
     found = [each.replace("there/../there/", "there/") for each in flown]
