@@ -31,6 +31,7 @@ __all__ = [
     "presets_directory",
     "radio_from_mapping",
     "radio_to_yaml",
+    "radio_tree",
     "seen_from",
     "yaml_value",
 ]
@@ -55,6 +56,17 @@ def load_radio(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     file = _preset_file(str(name_or_path))
     tree = merged(_read(file, ()), _with_tables(overrides or {}, Path()))
     return _validated(tree, file, () if overrides is None else tuple(dotted_keys(overrides)))
+
+
+def radio_tree(name_or_path: str | Path) -> Tree:
+    """Return what a preset's or file's YAML says, with what it extends and its tables read in: whole in one file.
+
+    Maps and classes are by absolute path.
+
+    Raises:
+        PresetError: no such preset or file, not YAML, or a table cannot be read.
+    """
+    return _read(_preset_file(str(name_or_path)), ())
 
 
 def radio_from_mapping(mapping: Mapping[str, Any]) -> RadioConfig:

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from bridge.record.names import REPORT_FOLDER, report_path
+from bridge.record.names import REPORT_FOLDER, as_seen_from, report_path
 
 EVENTS_MAX = 1000
 """Events (and reasons) that one process keeps; later ones are only counted, as ``events_not_kept``."""
@@ -78,7 +78,7 @@ class Report:
     """
 
     def __init__(self, run: Path, process: str) -> None:
-        self._path = report_path(run, process)
+        self._run, self._path = run, report_path(run, process)
         self._lock = threading.Lock()
         self._file_lock = threading.Lock()
         self._counters: Counter[str] = Counter()
@@ -99,7 +99,8 @@ class Report:
             self._changed = True
 
     def event(self, sim_time_ns: int, node: str, kind: str, text: str) -> None:
-        """Report what happened."""
+        """Report what happened; paths of the run's files are told as seen from its directory."""
+        text = as_seen_from(self._run, text)
         with self._lock:
             if len(self._events) < EVENTS_MAX:
                 self._events.append(RunEvent(sim_time_ns, node, kind, text))

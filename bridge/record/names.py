@@ -145,3 +145,8 @@ def streams_of(run: Path) -> list[Stream]:
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from error
     return sorted(found, key=str)
+
+
+def as_seen_from(run: Path, text: str) -> str:
+    """A text in which paths below a directory are as seen from it: it holds wherever the directory lies later."""
+    return text.replace(f"{run}/", "")

@@ -6,7 +6,7 @@ import errno
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -14,9 +14,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
+from bridge.run.carried import with_radios_carried, with_radios_placed
+from bridge.scenario.document.files import Find, files_placed
 from bridge.scenario.model import Scenario
 
 RUN_FILE = "run.json"
@@ -41,6 +45,7 @@ class RunInfo:
         replay: directory of the run whose inputs it repeats; "" if it takes those from outside.
         hosts: by name, the ids of the nodes in each.
         secrets: directory of its passwords, as long as it goes on.
+        radios: where files of `radios/` came from, by their paths as seen from the run's directory.
     """
 
     run: str
@@ -49,6 +54,7 @@ class RunInfo:
     replay: str = ""
     hosts: dict[str, list[str]] = field(default_factory=dict)
     secrets: str = ""
+    radios: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -128,11 +134,12 @@ class RunDirectory:
         hosts: Mapping[str, Sequence[str]] | None = None,
         keyring: Keyring | None = None,
     ) -> RunInfo:
-        """Write what the run's processes read."""
+        """Write what the run's processes read; radios that the scenario names by file are copied."""
         groups = {name: list(nodes) for name, nodes in (hosts or {}).items()}
         repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
-        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets)
-        (self.path / SCENARIO_FILE).write_text(scenario.to_yaml(), encoding="utf-8")
+        content, radios = with_radios_carried(scenario.model_dump(mode="json", by_alias=True), self.path)
+        info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets, radios)
+        (self.path / SCENARIO_FILE).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
 
@@ -168,15 +175,29 @@ class RunDirectory:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario as resolved.
+        """The scenario as resolved, for the run's own processes.
 
         Raises:
             OSError, ValueError: if the file is not there or not ours.
         """
+        origins: Mapping[str, str] = {}
+        with suppress(OSError, ValueError):  # a record can be read without
+            origins = self.info.radios
+        return self._scenario(lambda content: with_radios_placed(content, self.path.absolute(), origins))
+
+    def scenario_with(self, find: Find) -> Scenario:
+        """The same for whoever reads the record: with the radios in it, and other files where they lie now.
+
+        Raises:
+            OSError, ValueError: as of `scenario`.
+        """
+        return self._scenario(lambda content: files_placed(content, self.path.absolute(), find))
+
+    def _scenario(self, placed: Callable[[Any], Any]) -> Scenario:
         file = self.path / SCENARIO_FILE
         if not file.exists():
             raise ValueError(f"{self.path} is not the directory of a run (it has no {SCENARIO_FILE})")
-        return Scenario.from_yaml(file.read_text(encoding="utf-8"))
+        return Scenario.from_yaml(file.read_text(encoding="utf-8"), placed)
 
     @property
     def summary(self) -> dict[str, Any]:

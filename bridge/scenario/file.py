@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from bridge.scenario.document.extends import SCENARIOS, read_file, read_text, scenario_names
-from bridge.scenario.document.files import with_absolute_files
+from bridge.scenario.document.files import Find, with_absolute_files
 from bridge.scenario.document.settings import Overrides, settings_of, with_settings
 from bridge.scenario.document.written import Written, WrittenPlace, plain, written_at
 from bridge.scenario.expand.groups import is_of_a_group, refuse_same_ids, with_groups_expanded
@@ -31,17 +31,18 @@ __all__ = [
 DEFAULT_SCENARIO = "separation"
 
 
-def read_scenario(name_or_path: str | Path, overrides: Overrides = ()) -> Scenario:
+def read_scenario(name_or_path: str | Path, overrides: Overrides = (), find: Find = str) -> Scenario:
     """Read a shipped scenario by name, or any by path.
 
     Args:
         name_or_path: of the scenario.
         overrides: values by dotted key in place of the scenario's (``{"radio.noise.floor_dbm": -330}``), in this order.
+        find: gives where a file that it names lies now.
 
     Raises:
         ScenarioError: if it cannot be found, is not YAML or does not validate.
     """
-    return _scenario_of(read_file(str(name_or_path)), overrides)
+    return _scenario_of(read_file(str(name_or_path)), overrides, find)
 
 
 def parse_scenario(text: str, source_name: str, folder: Path = Path(), overrides: Overrides = ()) -> Scenario:
@@ -68,14 +69,14 @@ def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
     return _validated(root)
 
 
-def _scenario_of(root: Written, overrides: Overrides) -> Scenario:
+def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scenario:
     settings = settings_of(overrides)
     of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each.steps)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
     root = with_settings(with_groups_expanded(root), of_nodes)
     refuse_no_texts(root)
     refuse_same_ids(root)
-    root = with_absolute_files(root)
+    root = with_absolute_files(root, find)
     return with_known_names(root, _validated(root))
 
 

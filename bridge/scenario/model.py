@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
 import yaml
@@ -448,10 +449,14 @@ class Scenario(Part):
         return yaml.safe_dump(self.model_dump(mode="json", by_alias=True), sort_keys=False)
 
     @classmethod
-    def from_yaml(cls, text: str) -> Self:
+    def from_yaml(cls, text: str, placed: Callable[[Any], Any] = lambda content: content) -> Self:
         """Read back what `to_yaml` wrote. What it names is not looked for: that is `bridge.scenario.file`'s part.
+
+        Args:
+            text: YAML.
+            placed: gives the same content with the files that it names where they are now.
 
         Raises:
             ValueError: a key or value is wrong.
         """
-        return cls.model_validate(read_yaml(text, is_ours=True))
+        return cls.model_validate(placed(read_yaml(text, is_ours=True)))

@@ -21,6 +21,7 @@ from bridge.fleet.glance import Glance
 from bridge.fleet.how import How
 from bridge.fleet.preflight.ports import conflicts, ports_of
 from bridge.fleet.supervisor import Fleet, Observer
+from bridge.record.names import as_seen_from
 from bridge.record.pack import pack_streams
 from bridge.record.tables.every import finish_tables
 from bridge.run.directory import RunDirectory
@@ -263,9 +264,9 @@ class Flight:
             asyncio.get_running_loop().add_signal_handler(number, interrupt, number)
 
     def _break_off(self, error: str) -> Ending:
-        """Report what ended the run; the first such error is its cause."""
+        """Report what ended the run, with paths that can be opened; the first such error is its cause."""
         self._watcher.on_error(error)
-        self._error = self._error or error
+        self._error = self._error or as_seen_from(self.directory.path, error)
         return Ending.FAILED
 
     def _finish_tables(self) -> None:

@@ -33,6 +33,7 @@ from bridge.scenario.model import Scenario
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from lostlink.reading.links import link_counts, link_series
+from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import link_rows
 
 if TYPE_CHECKING:
@@ -80,12 +81,12 @@ class Run:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario as resolved.
+        """The scenario as resolved, with the files that it names where they lie now.
 
         Raises:
             OSError, ValueError: the file is not ours.
         """
-        return self._directory.scenario
+        return scenario_of(self.path)
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -35,7 +35,6 @@ from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
-from bridge.run.directory import RunDirectory
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import channels_of, medium_settings
@@ -45,6 +44,7 @@ from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
 from channel.network.network import RadioRoute
+from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
@@ -147,7 +147,7 @@ def redecide(
     """
     asked: dict[str, Any] = {} if seed is None else {"seed": seed}
     asked |= {} if radio is None else {"radio": as_seen_from_here(radio)}
-    scenario = with_changes(RunDirectory(Path(run)).scenario, asked)
+    scenario = with_changes(scenario_of(Path(run)), asked)
     return decide(Path(run), scenario, on_progress)
 
 
@@ -207,7 +207,7 @@ class _Progress:
 
 def _ideal_networks(run: Path) -> list[str]:
     """Those of a run on which packets took no time."""
-    scenario = RunDirectory(run).scenario
+    scenario = scenario_of(run)
     media = {name: medium_settings(radios_of(scenario, (), name)) for name in scenario.network_names}
     return [name for name, settings in media.items() if not settings.takes_time]
 

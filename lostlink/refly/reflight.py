@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,9 +20,11 @@ from bridge.record.tables.reader import read_batches
 from bridge.record.ways import check_ways
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
+from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import Scenario
 from lostlink.compare.compare import OnProgress, examine
 from lostlink.compare.difference import Comparison, seconds
+from lostlink.reading.moved import Moved
 
 FROM_THERE = "a difference may come from there"
 
@@ -62,6 +64,7 @@ class ReflightPlan:
         extent: how much of it there is.
         remarks: why it may come out differently, as far as that is known before.
         dirs: where the real autopilots were that flew the record.
+        moved: where files that its scenario names lie now.
     """
 
     run: Path
@@ -69,6 +72,7 @@ class ReflightPlan:
     extent: Extent
     remarks: tuple[str, ...]
     dirs: AutopilotDirs
+    moved: Moved
 
     @property
     def extent_told(self) -> str:
@@ -105,12 +109,13 @@ class Interrupted(Exception):
     """The new flight was interrupted: there is nothing to compare."""
 
 
-def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
+def plan(run: Path, changes: Mapping[str, Any], code: Path | None = None) -> ReflightPlan:
     """See that the run in ``run`` can be flown again.
 
     Args:
         run: a run directory.
         changes: to its scenario, by dotted key: what has no effect on the result, such as speed and ports.
+        code: below which folder files that its scenario names lie now; None: nothing was said.
 
     Raises:
         ValueError: it cannot; the text says why.
@@ -125,7 +130,8 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     has_streams = bool(streams_of(run))
     if not has_streams and not DELIVERIES.is_in(run):
         raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
-    scenario = with_changes(read_scenario(str(run / SCENARIO_FILE)), changes)
+    moved = Moved(run, code)
+    scenario = with_changes(_recorded_scenario(run, moved), changes)
     check_ways(scenario, all_inputs(run))
     extent = extent_of(run)
     _check_tables(run)
@@ -133,7 +139,21 @@ def plan(run: Path, changes: Mapping[str, Any]) -> ReflightPlan:
     remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
-    return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run))
+    remarks += [f"note: files that were in {old} are taken from {new}" for old, new in moved.folders.items()]
+    return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run), moved)
+
+
+def _recorded_scenario(run: Path, moved: Moved) -> Scenario:
+    try:
+        return read_scenario(str(run / SCENARIO_FILE), find=moved.find)
+    except ScenarioError as error:
+        if not moved.missing:
+            raise
+        files, folders = (", ".join(map(str, each)) for each in (moved.missing, moved.looked_in))
+        raise ValueError(
+            f"{error}\n{files}: neither there, nor with the content of the record below {folders}: say with "
+            "--code FOLDER below which folder they lie now"
+        ) from error
 
 
 def _check_tables(run: Path) -> None:
@@ -186,7 +206,7 @@ def fly_again(
     )
     if summary.get("ending") == "interrupted":
         raise Interrupted
-    remarks = (*_what_is_other(planned.run, directory.path), *_what_went_wrong(directory.path, summary))
+    remarks = (*_what_is_other(planned, directory.path), *_what_went_wrong(directory.path, summary))
     extent = planned.extent
     comparison = examine(
         planned.run, directory.path, extent.stop_ns, a_was_cut=extent.was_cut, on_progress=on_progress
@@ -202,10 +222,11 @@ def _other_ending(extent: Extent, summary: Mapping[str, Any]) -> str:
     return f"the endings differ: the recorded run {before}, the new one as {now!r}"
 
 
-def _what_is_other(run: Path, reflown: Path) -> list[str]:
-    old, new = read_provenance(run), read_provenance(reflown)
+def _what_is_other(planned: ReflightPlan, reflown: Path) -> list[str]:
+    old, new = read_provenance(planned.run), read_provenance(reflown)
     if old is None or new is None:
-        return [f"note: {run if old is None else reflown} does not say what it was made with"]
+        return [f"note: {planned.run if old is None else reflown} does not say what it was made with"]
+    old = replace(old, files=planned.moved.renamed(old.files))
     return [f"{line}; {FROM_THERE}" for line in differences(old, new)]
 
 

@@ -22,9 +22,9 @@ from bridge.record.tables.deliveries import DELIVERIES, Cause
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
-from bridge.run.directory import RunDirectory
 from channel.medium.addressees import codes_of
 from channel.medium.ledger import Ledger
+from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
@@ -51,7 +51,7 @@ class Player:
 
     def __init__(self, run: Path) -> None:
         self.run = run
-        self.scenario = RunDirectory(run).scenario
+        self.scenario = scenario_of(run)
         self.nodes = self.scenario.transceiver_ids
         if not TRUTH.is_in(run):
             raise ValueError(

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from bridge.record.names import as_seen_from
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
+from lostlink.compare.summary import mistakes_in_summary
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
 from lostlink.reading.capacity import Capacity
@@ -50,7 +52,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("counts packets")
     times = times_of(rows)
     links = packets.links_of(rows, times, end_ns)
-    found = {
+    found: Content = {
         "schema": SCHEMA,
         "run": _run(run),
         "provenance": asdict(run.provenance) if run.provenance else None,
@@ -60,6 +62,8 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     found["ages"] = packets.ages_of(times, rows.nodes, end_ns)
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
+    tell("computes its digests")
+    found["run"]["summary_mistakes"] = mistakes_in_summary(run.path)
     tell("adds up the use of the air")
     found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns, on_air_ns(run.path))
     ways = ways_of(run.path, run.scenario.transceiver_ids)
@@ -93,7 +97,7 @@ def _run(run: Run) -> Content:
         "description": scenario.description,
         "seed": scenario.seed,
         "autopilot": scenario.autopilots_in_words,
-        "radio": radio_name(scenario),
+        "radio": as_seen_from(run.path, radio_name(scenario)),
         "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,
         "tick_rate_hz": scenario.tick_rate_hz,

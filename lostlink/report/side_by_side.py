@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from bridge.record.names import as_seen_from
+from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
 from lostlink.report import packets
@@ -53,8 +55,9 @@ def side_by_side(runs: Sequence[Run], tell: Callable[[str], object] = lambda _st
     for name, column in zip(_names(runs), columns, strict=True):
         column["name"] = name
     for column in columns:
+        is_known = column["digest"] and not column["summary_mistakes"]
         same = (other["name"] for other in columns if other["digest"] == column["digest"])
-        column["same_as"] = next(same, None) if column["digest"] else None
+        column["same_as"] = next(same, None) if is_known else None
     result: Content = plain({"schema": SCHEMA, "runs": columns, "settings": settings_of(runs)})
     return result
 
@@ -76,6 +79,7 @@ def _column(run: Run) -> Content:
         "verdict": run.verdict,
         "expectations_failed": [e["name"] for e in summary.get("expectations") or [] if not e["passed"]],
         "digest": run.digest,
+        "summary_mistakes": mistakes_in_summary(run.path),
         "sim_duration_s": summary.get("sim_duration_s", end_ns / 1e9),
         **packets.totals_of(links),
         "separation_min_m": least_separation_m(run),
@@ -100,12 +104,18 @@ def settings_of(runs: Sequence[Run]) -> dict[str, list[Any]]:
 
     Of nodes that are not in all runs there is one row: how many nodes each run has.
     """
-    flat = [_flat(run.scenario.model_dump(mode="json", by_alias=True)) for run in runs]
+    flat = [_settings(run) for run in runs]
     common = set.intersection(*({node.node for node in run.scenario.nodes} for run in runs))
     keys = [key for key in dict.fromkeys(key for each in flat for key in each) if _is_told(key, common)]
     values: dict[str, list[Any]] = {"nodes": [len(run.scenario.nodes) for run in runs]}
     values |= {key: [each.get(key) for each in flat] for key in keys}
     return {key: each for key, each in values.items() if any(value != each[0] for value in each)}
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    """Dotted; a radio that the run carries is that in its directory, wherever it lies."""
+    flat = _flat(run.scenario.model_dump(mode="json", by_alias=True))
+    return {key: as_seen_from(run.path, v) if isinstance(v, str) else v for key, v in flat.items()}
 
 
 def _is_told(key: str, common: set[str]) -> bool:
@@ -178,8 +188,16 @@ def _spread(shares: list[float | None]) -> float:
 
 
 def sameness(content: Content) -> str:
-    """One sentence: which runs are the same in all that repeats."""
-    runs = content["runs"]
+    """Which runs are the same in all that repeats, and of which that cannot be said."""
+    forged = [run["name"] for run in content["runs"] if run["summary_mistakes"]]
+    runs = [run for run in content["runs"] if not run["summary_mistakes"]]
+    if forged:
+        rest = f" {_sameness(runs)}" if len(runs) > 1 else ""
+        return f"The summary of {' and of '.join(forged)} is not that of its record.{rest}"
+    return _sameness(runs)
+
+
+def _sameness(runs: list[dict[str, Any]]) -> str:
     groups: dict[str, list[str]] = {}
     for run in runs:
         if run["digest"]:

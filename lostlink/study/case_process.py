@@ -5,8 +5,8 @@ imported is imported once, and nothing that a case leaves behind, such as an age
 the next. It answers each line with one: the directory again.
 
 A case's directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run
-is over and measured, so that whoever finds one need not fly again, or with what ended its process. An interrupted run
-leaves none.
+is over and measured, so that whoever finds one need not fly again, or with what ended its process. Paths in there are
+as seen from the directory of the run (`run`), or of the case if there is none. An interrupted run leaves none.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.how import How, how_joined
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
+from bridge.record.names import as_seen_from
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
@@ -153,15 +154,15 @@ def fly_case(directory: Path) -> int:
             run = recorded(directory) or _flown(plan, directory)
         except Exception as error:
             traceback.print_exc()
-            write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error)))
+            write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error, directory)))
             return TAKEN if isinstance(error, PortsTaken) else 1
         if run is None:
             return 1  # interrupted
-        result = _measured(run, plan)
+        result = _measured(run, plan) | {"run": run.name}
         if plan.keep == "none" or (
             plan.keep == "failed" and not result["failure"] and result["metrics"]["passed"]
         ):
-            (directory / RUN_FOLDER).unlink(missing_ok=True)
+            _remove_link(directory)
             shutil.rmtree(run, ignore_errors=True)
         write_whole(directory / RESULT_FILE, result)
         return 1 if result["failure"] else 0
@@ -177,7 +178,7 @@ def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
         return _result(plan, metrics | own(run, plan.metrics, metrics), timing, metrics["error"])
     except Exception as error:
         traceback.print_exc()
-        return _result(plan, metrics, {}, metrics.get("error") or _told(error))
+        return _result(plan, metrics, {}, metrics.get("error") or _told(error, path.parent))
 
 
 def _result(
@@ -186,14 +187,24 @@ def _result(
     return {"failure": failure, "measures": plan.measures, "metrics": metrics, "timing": timing}
 
 
-def _told(error: Exception) -> str:
-    return str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
+def _told(error: Exception, directory: Path) -> str:
+    told = str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
+    return as_seen_from(directory, told)
 
 
 def recorded(directory: Path) -> Path | None:
-    """The run that is there already and came to an end, if there is one: it needs only be measured."""
+    """The run that is there already and came to an end, if there is one: it needs only be measured.
+
+    Where an archive put a copy in the place of the link, that is the run.
+    """
     link = directory / RUN_FOLDER
-    return link.resolve() if link.is_symlink() and link.is_dir() else None
+    return link.resolve() if link.is_dir() else None
+
+
+def _remove_link(directory: Path) -> None:
+    link = directory / RUN_FOLDER
+    if link.is_symlink():
+        link.unlink()
 
 
 def _flown(plan: CasePlan, directory: Path) -> Path | None:
@@ -204,7 +215,7 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
     Raises:
         PortsTaken: it could not start there.
     """
-    (directory / RUN_FOLDER).unlink(missing_ok=True)
+    _remove_link(directory)
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
     with at_free_ports(Scenario.from_yaml(plan.scenario)) as placed:
@@ -251,9 +262,7 @@ def _is_to_fly_again(child: int, directory: Path) -> bool:
     """Wait for the process of a case; gives whether its run could not start for its ports."""
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) not in ENDING:
-        text = (
-            f"its process was ended by {signal.Signals(os.WTERMSIG(status)).name}; see {directory / LOG_FILE}"
-        )
+        text = f"its process was ended by {signal.Signals(os.WTERMSIG(status)).name}; see {LOG_FILE}"
         write_whole(directory / RESULT_FILE, _result(CasePlan.read(directory), {}, {}, text))
     return os.waitstatus_to_exitcode(status) == TAKEN
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, reduce
 from itertools import product
@@ -18,7 +16,7 @@ from bridge.scenario.document.settings import Setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
-from bridge.scenario.resolve.named_files import named_code
+from bridge.scenario.resolve.named_files import Named, digest_of_plain
 from lostlink.study.model import RUNS_MAX, StudyError, StudyFile
 
 NOT_OF_THE_RESULT = ("ports", "processes", "zenoh", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
@@ -28,9 +26,6 @@ UNASKED = {"speed": MAX, "figure": False}
 UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
 """The same where directories of runs do not stay."""
 
-
-Digest = Callable[[Path], str]
-"""What gives the digest of a file."""
 Labels = dict[str, str | float]
 
 
@@ -40,7 +35,8 @@ class Case:
 
     Attributes:
         id: of its directory: the same for the same scenario, seed, contents of all files that these name or import,
-            and versions of lostlink and of packages that these import, whatever else the study has.
+            and versions of lostlink and of packages that these import, whatever else the study has and wherever the
+            files lie.
         labels: what it is in the table: ``scenario`` (its name), ``case``, the keys that vary, ``seed``.
         scenario: as resolved.
     """
@@ -82,7 +78,7 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
 
 
 def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
-    digest_of = cache(file_digest)  # many cases name the same files
+    named = Named(cache(file_digest))  # many cases name the same files
     together: Mapping[str, Mapping[str, Any]] = study.cases or {"": {}}
     vary = {key: _labelled(choices) for key, choices in study.vary.items()}
     for place, (label, changes) in product(study.scenario, together.items()):
@@ -99,7 +95,7 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
                 labels: Labels = {"case": label} if study.cases else {}
                 labels |= {key: text for key, (text, _) in varied.items()} | {"seed": seed}
                 at = _scenario_at(place, folder)
-                yield place, _case(at, labels, {**values, "seed": seed}, folder, digest_of)
+                yield place, _case(at, labels, {**values, "seed": seed}, folder, named)
 
 
 def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
@@ -110,14 +106,14 @@ def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
     return list(choices.items())
 
 
-def _case(place: str, labels: Labels, values: dict[str, Any], folder: Path, digest_of: Digest) -> Case:
+def _case(place: str, labels: Labels, values: dict[str, Any], folder: Path, named: Named) -> Case:
     told = _told({"scenario": Path(place).stem, **labels})
     settings = [Setting(key, value, told, folder) for key, value in values.items()]
     try:
         scenario = read_scenario(place, settings)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
-    return Case(_id(scenario, digest_of), {"scenario": scenario.name, **labels}, scenario)
+    return Case(_id(scenario, named), {"scenario": scenario.name, **labels}, scenario)
 
 
 def _scenario_at(place: str, folder: Path) -> str:
@@ -125,16 +121,13 @@ def _scenario_at(place: str, folder: Path) -> str:
     return str(beside) if beside.is_file() else place
 
 
-def _id(scenario: Scenario, digest_of: Digest) -> str:
+def _id(scenario: Scenario, named: Named) -> str:
     content = scenario.model_dump(mode="json", by_alias=True)
     for key in NOT_OF_THE_RESULT:
         *parents, name = key.split(".")
         del reduce(getitem, parents, content)[name]
-    code = named_code(scenario)
-    whole = {"lostlink": version_of("lostlink"), "scenario": content, "files": [*map(digest_of, code.files)]}
-    if code.packages:
-        whole["packages"] = dict(code.packages)
-    return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:16]
+    whole = {"lostlink": version_of("lostlink"), "scenario": named.in_place(content)}
+    return digest_of_plain(whole)[:16]
 
 
 def _told(labels: Mapping[str, str | float]) -> str:

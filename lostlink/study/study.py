@@ -142,12 +142,11 @@ class Study:
         load(function)(pd.read_parquet(self.directory / TABLE_FILE), self.directory)
 
     def _failure(self, path: Path) -> str:
+        """Why a run failed, with where the files are that this names; "" if it did not."""
         result = read_result(path)
-        return (
-            f"its process ended without a result; see {path / LOG_FILE}"
-            if result is None
-            else result["failure"]
-        )
+        if result is None:
+            return f"its process ended without a result; see {path / LOG_FILE}"
+        return f"{result['failure']} (in {path / result.get('run', '')})" if result["failure"] else ""
 
     def _plan(self, case: Case) -> CasePlan:
         return CasePlan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._dirs)

@@ -4,20 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from bridge.scenario.document.merge import names_a_preset
-from bridge.scenario.document.written import Path_, Written
+from bridge.scenario.document.written import Path_, Written, WrittenPlace, plain, written_at
 
+Find = Callable[[str], str]
+"""Gives where the file of an absolute path, or of a class in one, lies now."""
 YAML = (".yaml", ".yml")
 CODE = (".py",)
 
 
-def with_absolute_files(root: Written) -> Written:
+def with_absolute_files(root: Written, find: Find = str) -> Written:
     """The scenario with absolute paths of radios, antennas, winds, airframes, own classes, tables and maps."""
     for path, leaf in list(root.leaves()):
         if isinstance(leaf.content, str) and (placed := _placer(path)):
-            root = _put(root, path, Written(placed(leaf.content, leaf.place.folder), leaf.place))
+            text = placed(leaf.content, leaf.place.folder)
+            root = _put(root, path, Written(find(text) if text.startswith("/") else text, leaf.place))
     return root
+
+
+def files_placed(content: Any, folder: Path, find: Find = str) -> Any:
+    """What a scenario's file says, with its files as seen from a folder: as `with_absolute_files`, without places."""
+    return plain(with_absolute_files(written_at(content, WrittenPlace("", None, folder)), find))
 
 
 def _put(here: Written, path: Path_, leaf: Written) -> Written:

@@ -70,7 +70,7 @@ def explained(
         if item["type"] == "missing" and spot.path in misspelt:
             continue  # it is there, under another name
         spot = spot._replace(path=(*below, *spot.path))
-        places.setdefault(spot.path, str(_place(root, spot.path, item["type"])))
+        places.setdefault(spot.path, str(_place(root, spot.path, item)))
         texts.setdefault(spot.path, []).append(_problem(item, spot))
     for path, place in places.items():
         key = path[2:] if path[:1] == ("nodes",) else path
@@ -92,10 +92,12 @@ def _in_one(texts: list[str]) -> list[str]:
     ]
 
 
-def _place(root: Written, path: Path_, kind: str) -> WrittenPlace:
-    """Where a mistake is; of a key that the scenario lacks, where it could be added."""
+def _place(root: Written, path: Path_, item: Any) -> WrittenPlace:
+    """Where a mistake is: of a key that the scenario lacks, where it could be added; of a wrong word, where that is."""
+    if item["type"] == "union_tag_invalid":
+        path = (*path, _discriminator(item))
     found = root.at(path)
-    if kind == "missing" and found is root:
+    if item["type"] == "missing" and found is root:
         return root.end or root.place
     return found.place
 
@@ -148,12 +150,17 @@ def _missing(key: str) -> str:
 
 
 def _no_branch(item: Any, spot: ErrorSpot) -> str:
-    key = item["ctx"]["discriminator"].strip("'")
+    key = _discriminator(item)
     words = tags_of(_branches(spot), key)
     value = item["input"].get(key) if isinstance(item["input"], dict) else None
     if value is None:
         return f"{key} is missing: has to be one of: {', '.join(words)}"
     return f"{key} has to be one of: {', '.join(words)} (got {shown(value)}){near_miss(value, words)}"
+
+
+def _discriminator(item: Any) -> str:
+    """The key whose word chooses what a mapping is."""
+    return str(item["ctx"]["discriminator"]).strip("'")
 
 
 def _branches(spot: ErrorSpot) -> tuple[type[BaseModel], ...]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import entry_points
@@ -16,8 +19,9 @@ from bridge.scenario.resolve.modules import CODE
 from bridge.scenario.resolve.sources import Code, code_of
 from sitl_configs.yaml_text import YamlMistake, read_yaml
 
+Digest = Callable[[Path], str]
+"""What gives the digest of a file."""
 TREES = (".yaml", ".yml")
-
 
 MODULE = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
 LAWS = "lostlink."
@@ -35,41 +39,84 @@ def named_code(scenario: Scenario) -> Code:
     Own agents, functions and models with what they import, radios and winds with their maps, terrain and tables,
     airframes with their flight models. What ships goes by name and belongs to lostlink.
     """
-    named = _Named()
-    for text in _texts(scenario.model_dump(mode="json", by_alias=True)):
-        named.add(Path(), text)
+    named = Named()
+    named.in_place(scenario.model_dump(mode="json", by_alias=True), Path())
     return Code(tuple(sorted(named.files)), dict(sorted(named.packages.items())))
 
 
-class _Named:
-    def __init__(self) -> None:
+class Named:
+    """Takes in files and modules that texts name, and what these name or import in their turn.
+
+    Args:
+        digest_of: gives the digest of a file; without it only files and packages are told.
+
+    Attributes:
+        files: those that were found, absolute.
+        packages: versions of installed packages that these import, by name.
+    """
+
+    def __init__(self, digest_of: Digest | None = None) -> None:
+        self._digest_of = digest_of
+        self._known: dict[Path, str] = {}
         self.files: set[Path] = set()
         self.packages: dict[str, str] = {}
 
-    def add(self, folder: Path, text: str) -> None:
-        """Take the file or module that a text names as seen from a folder, if it names one, and those that it names."""
-        text = _laws().get(text, text)
-        if MODULE.fullmatch(text) and not text.rpartition(":")[0].endswith(CODE):
-            self._add_code(text.rpartition(":")[0])
-            return
-        path = (folder / _file_of(text)).absolute()
-        if path in self.files or not _is_file(path):
-            return
-        self.files.add(path)
-        if path.suffix == CODE:
-            self._add_code(str(path))
-        elif path.suffix in TREES:
-            tree = _tree(path)
-            for part in _texts(tree):
-                self.add(path.parent, part)
-            if model := _flight_model(tree, path.parent):
-                for file in model.rglob("*.xml"):
-                    _add_included(file, model, self.files)
+    def in_place(self, tree: Any, folder: Path | None = None) -> Any:
+        """A tree in which contents stand in place of each text that names a file: the same wherever the files lie.
 
-    def _add_code(self, place: str) -> None:
+        Args:
+            tree: mappings and lists of texts and other values.
+            folder: what relative names are seen from; None: they name nothing.
+        """
+        if isinstance(tree, dict):
+            return {key: self.in_place(part, folder) for key, part in tree.items()}
+        if isinstance(tree, list):
+            return [self.in_place(part, folder) for part in tree]
+        return self._in_place(tree, folder) if isinstance(tree, str) else tree
+
+    def _in_place(self, text: str, folder: Path | None) -> Any:
+        law = _laws().get(text, text)
+        if MODULE.fullmatch(law) and not law.rpartition(":")[0].endswith(CODE):
+            return [text, law, self._code(law.rpartition(":")[0])]
+        path = _file_of(text)
+        if folder is not None:
+            path = (folder / path).absolute()
+        if not path.is_absolute() or not _is_file(path):
+            return text
+        if path not in self._known:
+            self._known[path] = ""  # of one that names itself
+            self._known[path] = self._file(path)
+        file, _, name = text.rpartition(":")
+        return [name if file.endswith(CODE) else "", self._known[path]]
+
+    def _file(self, path: Path) -> str:
+        if path.suffix == CODE:
+            return self._code(str(path))
+        own, named = self._content([path]), []
+        if path.suffix in TREES:
+            tree = _tree(path)
+            named = [self.in_place(list(_texts(tree)), path.parent)]
+            if model := _flight_model(tree, path.parent):
+                files = _flight_model_files(model)
+                named += [[os.path.relpath(file, model) for file in files], self._content(files)]
+        return self._digest([own, named])
+
+    def _code(self, place: str) -> str:
         code = code_of(place)
-        self.files.update(code.files)
         self.packages.update(code.packages)
+        return self._digest([self._content(code.files), dict(code.packages)])
+
+    def _content(self, files: Sequence[Path]) -> list[list[str]]:
+        self.files.update(files)
+        return [] if self._digest_of is None else [[file.name, self._digest_of(file)] for file in files]
+
+    def _digest(self, content: Any) -> str:
+        return "" if self._digest_of is None else digest_of_plain(content)
+
+
+def digest_of_plain(content: Any) -> str:
+    """SHA-256 (hex) of what JSON can say; the order of keys does not count."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
 @cache
@@ -114,6 +161,14 @@ def _flight_model(tree: Any, beside: Path) -> Path | None:
     if isinstance(jsbsim, dict) and isinstance(jsbsim.get("root"), str):
         return Path(beside, jsbsim["root"]).resolve() / "aircraft" / str(jsbsim.get("model"))
     return None
+
+
+def _flight_model_files(model: Path) -> list[Path]:
+    """The files of a flight model, and what they include, by name."""
+    found: set[Path] = set()
+    for file in model.rglob("*.xml"):
+        _add_included(file, model, found)
+    return sorted(found)
 
 
 def _add_included(file: Path, model: Path, found: set[Path]) -> None:

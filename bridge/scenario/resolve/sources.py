@@ -21,7 +21,8 @@ class Code:
     """What a class or function is made of.
 
     Attributes:
-        files: absolute and sorted: those beside its file, on PYTHONPATH and of editable installs.
+        files: absolute, in the order in which imports lead to them, which is the same wherever they lie: those beside
+            its file, on PYTHONPATH and of editable installs.
         packages: version of the installed packages that these import, by name.
     """
 
@@ -71,19 +72,19 @@ def _walked(place: str, own: str, modules: Modules) -> tuple[Code, list[Stamp]]:
     walk.go()
     folders = {*modules.path, *(str(file.parent) for file in walk.files)}  # where others may appear
     stamps = [stamp_of(each) for each in (*map(str, walk.files), *folders)]
-    return Code(tuple(sorted(walk.files)), dict(sorted(walk.packages.items()))), stamps
+    return Code(tuple(walk.files), dict(sorted(walk.packages.items()))), stamps
 
 
 class _Walk:
     def __init__(self, own: str, modules: Modules) -> None:
         self._own, self._modules = own, modules
         self._new: list[Path] = []
-        self.files: set[Path] = set()
+        self.files: dict[Path, None] = {}
         self.packages: dict[str, str] = {}
 
     def add(self, file: Path) -> None:
         if file not in self.files:
-            self.files.add(file)
+            self.files[file] = None
             self._new.append(file)
 
     def add_module(self, name: str) -> None:

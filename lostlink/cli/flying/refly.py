@@ -43,6 +43,12 @@ EXIT_INTERRUPTED = 130
     help="Where real ArduPilot binaries are; else where RUN's were, else ARDUPILOT_HOME, else PATH.",
 )
 @click.option(
+    "--code",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    metavar="FOLDER",
+    help="Below which folder agents' files, winds and airframes of RUN lie now, if they are no more where they were.",
+)
+@click.option(
     "--speed",
     type=SpeedOption(),
     default="max",
@@ -63,6 +69,7 @@ def refly(
     out: Path,
     ardupilot_dir: Path | None,
     px4_dir: Path | None,
+    code: Path | None,
     speed: float | str,
     processes: str | None,
     first_slot: FirstSlot,
@@ -82,6 +89,7 @@ def refly(
       lostlink refly runs/20261121T120000Z-separation
       lostlink refly runs/A --ardupilot-dir ~/ardupilot --first-slot 20 --zenoh-port 0
       lostlink refly runs/A --json | jq .difference
+      lostlink refly unzipped/runs/A --code unzipped
     """
     from lostlink.refly.reflight import Interrupted, fly_again, plan
 
@@ -93,7 +101,7 @@ def refly(
     }
     silent, dirs = quiet or as_json, AutopilotDirs(ardupilot_dir, px4_dir)
     try:
-        planned = plan(run, {k: v for k, v in changes.items() if v is not None})
+        planned = plan(run, {k: v for k, v in changes.items() if v is not None}, code)
         with at_ports(planned.scenario, first_slot, repeats=True) as placed:
             planned = replace(planned, scenario=placed)
             preflight(placed, dirs.or_else(planned.dirs))

@@ -38,6 +38,9 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
     of information, least distance of two UA, and which digests are equal. Ends with status 0, or 2 if a run cannot be
     read.
 
+    In any case the digests and counts in each run's summary.json are computed anew from its record: the status is 1 if
+    one is other than that.
+
     \b
     Examples:
       lostlink compare runs/20261121T120000Z-separation runs/20261121T121500Z-separation
@@ -48,26 +51,32 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
         _identity(runs, as_json=as_json)
     if len(runs) == 1 and not metrics and html is None:
         raise click.UsageError("one run alone: give another one to compare it with, or --metrics")
-    _table(runs, html, as_json=as_json)
+    if _table(runs, html, as_json=as_json):
+        sys.exit(EXIT_DIFFERENT)
 
 
 def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
+    from lostlink.cli.records.report import tell_mistakes
     from lostlink.compare.compare import examine
+    from lostlink.compare.summary import mistakes_in_summary
 
     try:
         run_a, run_b = runs
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
         settings = {} if comparison.difference is None else _settings(runs)
+        forged = {str(run): mistakes for run in runs if (mistakes := mistakes_in_summary(run))}
     except (OSError, ValueError) as error:
         fail(error)
     if as_json:
-        click.echo(json.dumps(as_plain(comparison) | {"settings": settings}, allow_nan=False))
+        more = {"settings": settings, "summary_mistakes": forged}
+        click.echo(json.dumps(as_plain(comparison) | more, allow_nan=False))
     else:
         click.echo(as_text(comparison, run_a, run_b))
+    tell_mistakes(forged)
     if settings and not as_json:
         click.echo("The scenarios differ. What came of each run:")
-        _table(runs, None, as_json=False)
-    sys.exit(0 if comparison.difference is None else EXIT_DIFFERENT)
+        _table(runs, None, as_json=False, is_told=True)
+    sys.exit(0 if comparison.difference is None and not forged else EXIT_DIFFERENT)
 
 
 def _settings(runs: tuple[Path, ...]) -> dict[str, Any]:
@@ -83,8 +92,9 @@ def _settings(runs: tuple[Path, ...]) -> dict[str, Any]:
     return found
 
 
-def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool) -> None:
-    from lostlink.cli.records.report import Teller
+def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool, is_told: bool = False) -> bool:
+    """Show runs side by side; gives whether a summary is other than its record, and tells so unless that was done."""
+    from lostlink.cli.records.report import Teller, tell_mistakes
     from lostlink.reading.run import load_run
     from lostlink.report.side_by_side import comparison_page, sameness, side_by_side
 
@@ -94,13 +104,16 @@ def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool) -> None:
             html.write_text(comparison_page(content), encoding="utf-8")
     except (OSError, ValueError) as error:
         fail(error)
+    forged = {each["name"]: each["summary_mistakes"] for each in content["runs"] if each["summary_mistakes"]}
+    tell_mistakes({} if is_told else forged)
     if as_json:
         click.echo(json.dumps(content, allow_nan=False))
-        return
+        return bool(forged)
     print_table(_rich_table(content))
     click.echo(sameness(content))
     if html is not None:
         click.echo(html)
+    return bool(forged)
 
 
 def _rich_table(content: dict[str, Any]) -> Table:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import with_changes
@@ -86,12 +85,13 @@ def redecide(
 
 def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[str, ...]) -> Scenario:
     """The run's scenario as the options change it."""
+    from lostlink.reading.moved import scenario_of
     from lostlink.redecision.redecide import as_seen_from_here
 
     changes: dict[str, Any] = {} if seed is None else {"seed": seed}
     changes |= {} if radio is None else {"radio": as_seen_from_here(radio)}
     given = [parse_setting(text) for text in settings]
-    return with_changes(RunDirectory(run).scenario, changes | {each.key: each.value for each in given})
+    return with_changes(scenario_of(run), changes | {each.key: each.value for each in given})
 
 
 class _Progress:

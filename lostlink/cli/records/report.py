@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -10,6 +12,8 @@ import click
 from bridge.run.every import Every
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
+from lostlink.cli.exits import tell as warn
+from lostlink.flight.exits import DISAGREES
 
 REPORT_FILE = "report.html"
 
@@ -29,7 +33,8 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
     """Write a page about the run in directory RUN (or of that name in runs/), finished, killed or still going on.
 
     The page is one file that asks for nothing: what ran, where the nodes were, delivery and power over distance, links,
-    causes of loss, ages and latency, checks, events. Ends with status 0, or 2 if the run cannot be read.
+    causes of loss, ages and latency, checks, events. Ends with status 0, 1 if the run's summary.json is not that of its
+    record (digests and counts are computed anew), or 2 if the run cannot be read.
 
     \b
     Examples:
@@ -54,6 +59,16 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
         fail(error)
     if as_json:
         click.echo(json.dumps(content, allow_nan=False))
+    if mistakes := content["run"]["summary_mistakes"]:
+        tell_mistakes({str(found.path): mistakes})
+        sys.exit(DISAGREES)
+
+
+def tell_mistakes(mistakes: Mapping[str, Sequence[str]]) -> None:
+    """Say in what summaries are other than their records, by run."""
+    for run, lines in mistakes.items():
+        for line in lines:
+            warn(f"{run}: summary.json is not that of its record: {line}")
 
 
 def write_report(content: dict[str, object], path: Path, tell: Teller) -> None:

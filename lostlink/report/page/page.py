@@ -118,6 +118,7 @@ def _facts(run: dict[str, Any]) -> list[Row]:
         ["ending", run["ending"]],
         ["digest", run["digest"] or "none: the run has no end"],
     ]
+    rows += [["not that of the record", line] for line in run["summary_mistakes"]]
     if run["unfinished"]:
         rows.append(["not finished", ", ".join(run["unfinished"])])
     if run["redecided_from"]:

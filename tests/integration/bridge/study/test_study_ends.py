@@ -58,9 +58,10 @@ def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
     cases = {row["nodes.1.agent.options.does"]: row for row in rows}
     folders = {does: tmp_path / "ends" / "runs" / row["id"] for does, row in cases.items()}
     (raised,) = folders["raise"].glob("*/logs/node-1.log")
+    (broken,) = folders["break"].glob("*/run.json")
     assert {does: row["failure"] for does, row in cases.items()} == {
-        "raise": f"the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine; its log is {raised}",
-        "die": f"its process was ended by SIGKILL; see {folders['die']}/log.txt",
+        "raise": "the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine; its log is logs/node-1.log",
+        "die": "its process was ended by SIGKILL; see log.txt",
         "break": "the run cannot go on: the stand-in of UA 0 cannot go on: "
         "ArithmeticError: a mistake of the stand-in",
         "nothing": "",
@@ -71,4 +72,7 @@ def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
         "break": 0.5,
         "nothing": 0.8,
     }
-    assert all(f": {row['failure']}\n" in flown.stdout for row in rows if row["failure"])
+    where = {"raise": raised.parents[1], "die": folders["die"], "break": broken.parent}
+    assert all(
+        f": {cases[does]['failure']} (in {folder})\n" in flown.stdout for does, folder in where.items()
+    )

@@ -80,7 +80,7 @@ async def test_a_process_that_had_to_be_killed_is_an_event_and_a_reason(
     assert fleet.killed == ["host-0"]
     reports, event = told(run)
     assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "killed")
-    assert event.text == f"host-0 did not end in time and was killed; its log is {run.log_path('host-0')}"
+    assert event.text == "host-0 did not end in time and was killed; its log is logs/host-0.log"
     assert reports.may_not_repeat == (
         "host-0 did not end in time and was killed after 12.50 s: its files may lack their end",
     )
@@ -96,5 +96,5 @@ async def test_a_process_that_died_is_an_event_and_a_reason(
         await OneProcess(read_scenario("separation"), run, OBSERVER, how="many").fly()
     reports, event = told(run)
     assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "died")
-    assert event.text == f"host-0 ended with status 3; its log is {run.log_path('host-0')}"
+    assert event.text == "host-0 ended with status 3; its log is logs/host-0.log"
     assert reports.may_not_repeat == ("host-0 ended with status 3 at 12.50 s, before the run ended",)

@@ -9,7 +9,7 @@ import pytest
 
 from bridge.scenario.file import SCENARIOS, read_scenario
 from bridge.scenario.resolve.flight import wind_of
-from bridge.scenario.resolve.named_files import _laws, _Named, named_code, named_files
+from bridge.scenario.resolve.named_files import Named, _laws, named_code, named_files
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\
@@ -109,8 +109,8 @@ def test_a_model_that_a_package_brings_by_name_is_code_too(
     (tmp_path / "leafy_here.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
     _laws.cache_clear()
-    named = _Named()
-    named.add(Path(), "leafy")
+    named = Named()
+    named.in_place("leafy")
     _laws.cache_clear()
     assert named.files == {tmp_path / "leafy_here.py"}
 

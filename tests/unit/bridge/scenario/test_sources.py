@@ -29,7 +29,7 @@ def written(folder: Path, **texts: str) -> None:
 
 
 def names(place: str | Path, below: Path) -> list[str]:
-    return [str(file.relative_to(below)) for file in code_of(str(place)).files]
+    return sorted(str(file.relative_to(below)) for file in code_of(str(place)).files)
 
 
 def test_a_file_and_what_it_imports_beside_and_on_the_path(tmp_path: Path, elsewhere: Path) -> None:

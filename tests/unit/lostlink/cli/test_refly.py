@@ -6,7 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,11 @@ from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
 from bridge.record.names import inputs_path, streams_of
-from bridge.record.provenance import AutopilotOrigin, Provenance, write_provenance
+from bridge.record.provenance import AutopilotOrigin, Provenance, collect, write_provenance
 from bridge.record.streams import packed_path
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
-from bridge.scenario.file import read_scenario
+from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from lostlink.cli.flying import refly as command
 from tests.unit.bridge.record.runs import TICK_NS, Change, change_table, make_run
@@ -330,3 +330,51 @@ def test_run_without_streams_is_compared_by_its_tables(tmp_path: Path, fly: Fake
     assert done.exit_code == 0
     assert "has no streams/: only its tables can be compared" in done.stderr
     assert done.stdout.splitlines()[-1] == "identical: truth, deliveries; 80 entries, 20 ticks"
+
+
+AGENT = "from lostlink import Agent\nclass Mine(Agent): ...\n"
+
+
+@pytest.fixture
+def handed_in(tmp_path: Path) -> Path:
+    """A folder with an agent and a run of it, which was flown where nothing is any more."""
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "mine.py").write_text(AGENT)
+    run = recorded(work)
+    agents = {f"nodes.{node}.agent": {"type": "own", "class": f"{work}/mine.py:Mine"} for node in ("0", "1")}
+    RunDirectory(run).write(with_changes(read_scenario("separation"), agents), "")
+    write_provenance(replace(collect({}, [work / "mine.py"]), git_commit=""), run)
+    (tmp_path / "unzipped").mkdir()
+    return work.rename(tmp_path / "unzipped" / "ann")
+
+
+def test_a_run_that_was_handed_in_with_its_agents_is_flown(
+    tmp_path: Path, handed_in: Path, fly: FakeFlight
+) -> None:
+    done = refly(tmp_path, handed_in / "recorded")
+    assert done.exit_code == 0, done.output
+    assert {node.agent.place for node in fly.seen["scenario"].ua} == {f"{handed_in}/mine.py"}
+    assert f"note: files that were in {tmp_path}/work are taken from {handed_in}\n" in done.stderr
+
+
+def test_an_agent_that_cannot_be_found_is_told_by_key_with_what_to_do(
+    tmp_path: Path, handed_in: Path, fly: FakeFlight
+) -> None:
+    run = shutil.move(handed_in / "recorded", tmp_path / "alone")
+    done = refly(tmp_path, run)
+    assert (done.exit_code, fly.seen) == (2, {})
+    assert f"{run}/scenario.yaml:" in done.stderr
+    assert f"nodes.0.agent.class: {tmp_path}/work/mine.py: no such file" in done.stderr
+    assert "--code FOLDER" in done.stderr
+    assert refly(tmp_path, run, "--code", str(handed_in)).exit_code == 0
+
+
+def test_an_agent_of_other_content_is_flown_where_the_user_says_and_told(
+    tmp_path: Path, handed_in: Path, fly: FakeFlight
+) -> None:
+    (handed_in / "mine.py").write_text(AGENT + "# other\n")
+    assert refly(tmp_path, handed_in / "recorded").exit_code == 2
+    fly.alter = lambda run: write_provenance(collect({}, [handed_in / "mine.py"]), run)
+    done = refly(tmp_path, handed_in / "recorded", "--code", str(handed_in))
+    assert f"warning: {handed_in}/mine.py is another than that of the record" in done.stderr

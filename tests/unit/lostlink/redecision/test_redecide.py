@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from lostlink.redecision.comparison import compare_decisions
 from lostlink.redecision.redecide import Redecision, redecide
 from lostlink.redecision.rewrite import write_deliveries
 from lostlink.redecision.told import sentence
+from tests.unit.bridge.scenario.test_named_files import GAINS
 from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, everybody, flown, scenario_of, truths
 
 NODES = ("0", "1", "2", "gcs")
@@ -381,3 +383,17 @@ def test_packets_stamped_beyond_the_last_tick_end_with_the_run(tmp_path: Path) -
     result = redecide(flown(tmp_path / "run", scenario_of(radio, NODES), 20, send))
     assert is_byte_for_byte(result, tmp_path)
     assert counts_of(result.after)[0, :, FATES.index("run_ended")].tolist() == [0, 3, 3, 3]
+
+
+def test_a_run_is_decided_anew_without_any_file_of_its_radio(tmp_path: Path) -> None:
+    """The folder with the scenario's radio and its map is gone, and the run lies elsewhere."""
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "gains.csv").write_text(GAINS)
+    (work / "lab.yaml").write_text(
+        "preset: corrected\npropagation: {model: gain-map, file: gains.csv, outside: fallback}\n"
+    )
+    run = flown(work / "run", scenario_of(str(work / "lab.yaml"), NODES)).rename(tmp_path / "run")
+    shutil.rmtree(work)
+    assert redecide(run).comparison.is_same
+    assert redecide(run, radio="wifi-2.4").comparison.changed > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,9 @@ def test_runs_that_recorded_nothing_are_not_called_identical(tmp_path: Path):
         made(tmp_path / name, digest=digest_line({}))
         file = tmp_path / name / "summary.json"
         file.write_text(json.dumps(json.loads(file.read_text()) | {"digests": {}}))
+        shutil.rmtree(tmp_path / name / "streams")
+        for table in (tmp_path / name).glob("*.parquet"):
+            table.unlink()
     content = side_by_side([load_run(tmp_path / name) for name in ("a", "b")])
     assert [column["digest"] for column in content["runs"]] == ["", ""]
     assert sameness(content) == "No two of these runs have the same digest."

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from lostlink.study.case_process import RESULT_FILE, CasePlan, write_whole
+from lostlink.study.case_process import RESULT_FILE, CasePlan, measures_of, write_whole
 from lostlink.study.study import Study
-from tests.unit.bridge.scenario.test_named_files import made
+from tests.unit.bridge.scenario.test_named_files import GAINS, SCENARIO, made
 
 STUDY = "schema: 1\nname: mine\nscenario: scenario.yaml\nseeds: [1, 2]\n"
 ORIGIN, ON_THE_TILE = "lat_deg: 47.4, lon_deg: 8.5", "lat_deg: 40.1331, lon_deg: -105.2404"
@@ -102,3 +102,54 @@ def test_another_schedule_of_slots_is_another_run(folder: Path, place: str) -> N
     assert left(folder) == 0
     (folder / "slots.yaml").write_text(slots.replace("0.2", "0.3"))
     assert left(folder) == 2
+
+
+def test_a_study_is_resumed_wherever_its_folder_lies(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever lies before it in the order of names: files beside, and code on the path."""
+    elsewhere = tmp_path_factory.mktemp("zz") / "unzipped"
+    shutil.copytree(folder, elsewhere)
+    shutil.move(folder, folder.with_name("gone"))
+    assert left(elsewhere) == 0
+
+
+@pytest.mark.parametrize(("last", "is_another"), [("one", False), ("two", True)])
+def test_which_of_two_files_of_a_name_a_node_has_counts(tmp_path: Path, last: str, is_another: bool) -> None:
+    """Also where the two are the same, and only what they name differs."""
+    for gain_db, name in ((-60, "one"), (-70, "two")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "gains.csv").write_text(GAINS.replace("-60", str(gain_db)))
+        (tmp_path / name / "radio.yaml").write_text(
+            "preset: moon2020\npropagation: {model: gain-map, file: gains.csv}\n"
+        )
+    head = SCENARIO.partition("nodes:")[0].replace("radio.yaml", "moon2020").replace("wind.yaml", "calm")
+    (tmp_path / "study.yaml").write_text(STUDY)
+    ids = []
+    for third in ("one", last):
+        radios = enumerate(("one", "two", third))
+        nodes = [f"  - {{id: {k}, radio: {name}/radio.yaml, agent: {{type: still}}}}\n" for k, name in radios]
+        (tmp_path / "scenario.yaml").write_text(f"{head}nodes:\n{''.join(nodes)}")
+        ids.append(Study(tmp_path / "study.yaml", tmp_path).cases[0].id)
+    assert (ids[0] != ids[1]) is is_another
+
+
+def test_code_on_the_path_may_lie_elsewhere_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the two lie in the order of names says nothing; what a metric is made of is the same as well."""
+    found = []
+    for study, libraries in (("a", "b"), ("d", "c")):
+        folder, package = tmp_path / study, tmp_path / libraries / "shared_laws"
+        folder.mkdir()
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("GAIN = 2\n")
+        made(folder)
+        (folder / "agent.py").write_text(
+            "import shared_laws\nfrom lostlink import Agent\nclass Own(Agent): ...\n"
+        )
+        (folder / "own.py").write_text("import shared_laws\ndef measure(run):\n    return {}\n")
+        (folder / "study.yaml").write_text(f"{STUDY}metrics: own.py:measure\n")
+        with monkeypatch.context() as context:
+            context.syspath_prepend(package.parent)
+            ours = Study(folder / "study.yaml", folder)
+            found.append((ours.cases[0].id, measures_of(ours.content.metrics)))
+    assert found[0] == found[1]

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
-from lostlink.study.case_process import RUN_FOLDER, CasePlan, fly_case, read_result
+from lostlink.study.case_process import RUN_FOLDER, CasePlan, fly_case, read_result, recorded
 from tests.unit.lostlink.replay.flown import scenario_of
 
 SUMMARY = {
@@ -32,3 +32,11 @@ def test_a_run_that_failed_without_tables_says_why(tmp_path: Path) -> None:
     assert result is not None
     assert result["failure"] == SUMMARY["error"]
     assert (result["metrics"]["ending"], result["metrics"]["passed"]) == ("failed", False)
+    assert result["run"] == run.path.name
+
+
+def test_a_copy_in_the_place_of_the_link_is_the_run(tmp_path: Path) -> None:
+    """Archives may follow links."""
+    assert recorded(tmp_path) is None
+    (tmp_path / RUN_FOLDER).mkdir()
+    assert recorded(tmp_path) == tmp_path / RUN_FOLDER

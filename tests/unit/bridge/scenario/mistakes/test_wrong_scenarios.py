@@ -134,6 +134,13 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "nodes.0.agent",
             "has to be one of: hold, out_and_back, still, free, own (got 'hover')",
         ),
+        (
+            "agent: {type: hold, altitude_m: 40}",
+            "agent:\n      altitude_m: 40\n      type: hover",
+            15,
+            "nodes.0.agent",
+            "type has to be one of: hold, out_and_back, still, free, own (got 'hover')",
+        ),
         ("altitude_m: 40}", "altitude: 40}", 13, "nodes.0.agent.altitude", "did you mean altitude_m?"),
         (
             "type: hold, altitude_m: 40",
