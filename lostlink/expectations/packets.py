@@ -55,7 +55,7 @@ class PacketFinder:
         return [float(delivered / sent)] if sent else []
 
     def age_s(self, wanted: AgeExpectation, end_s: float) -> float | None:
-        """The greatest age of information (`lostlink.reading.ages`); from the interval's begin if none came.
+        """The greatest age of information (`lostlink.reading.ages`); of what was never heard from the run's begin.
 
         Args:
             wanted: of what.
@@ -72,7 +72,7 @@ class PacketFinder:
     def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
         heard = self._of(tx, rx) & self._rows.is_delivered
         generated_ns, came_ns = (self._rows.columns[name][heard] for name in ("sim_time_ns", "received_ns"))
-        age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9)).age
+        age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9), since_ns=0).age
         return round(age.peak_s, DECIMALS_S)
 
     def lost_by_host(self) -> int:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bridge.scenario.document.files import YAML
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
 from channel.validity import OutsideValidityError
@@ -58,7 +59,7 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, p
     radio_name = summary["radio"]
     if not isinstance(radio_name, str):
         radio_name = radio_name.get("preset", "own radio")
-    name = Path(radio_name).stem
+    name = Path(radio_name).stem if radio_name.endswith(YAML) else radio_name
     how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
     what = "first transmissions" if of_transmissions(summary["bins"]) else "measured"
     axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})")

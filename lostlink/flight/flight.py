@@ -225,7 +225,7 @@ class Flight:
                 ending = self._break_off(f"{text}; without its last part the record is not complete")
             else:
                 self._watcher.on_error(text)
-        self._unfinished = sorted(fleet.course.not_done)
+        self._unfinished = [node for node in self.scenario.transceiver_ids if node in fleet.course.not_done]
         return ending, fleet.course.sim_time_ns
 
     async def _view_joins(self) -> None:

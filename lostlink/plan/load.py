@@ -57,6 +57,7 @@ class OfferedLoad:
         takes_time: whether packets take time on it.
         is_shared: whether all nodes share what it carries.
         shared_by: who does: all, or each group or sender has so much.
+        has_turns: whether a node waits until others are done.
         packets_per_s, on_air_bits_per_s: sums of what is known.
         payload_bits_per_s: likewise, without what the radio adds.
         capacity_bps: payload that it carries in packets of these lengths; if not all share it, of the busiest group
@@ -71,6 +72,7 @@ class OfferedLoad:
     takes_time: bool
     is_shared: bool
     shared_by: SharedBy
+    has_turns: bool
     packets_per_s: float
     on_air_bits_per_s: float
     payload_bits_per_s: float
@@ -102,6 +104,7 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         capacity.takes_time,
         capacity.shared_by == "all",
         capacity.shared_by,
+        capacity.has_turns,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
         sum(payloads.values()),

@@ -231,6 +231,12 @@ def _overload(load: OfferedLoad) -> str:
     who = {"all": "the nodes offer", "group": "the nodes of a group offer", "sender": "a node offers"}[
         load.shared_by
     ]
+    if not load.has_turns:
+        return (
+            f"{who} {load.airtime_share:.3g} times what the medium {load.medium} carries: no node waits for others "
+            "there, so that frames are on the air at once, and most are lost (collided, half_duplex); raise "
+            "transmit.every_ticks, take a faster radio, or a medium on which nodes wait (csma, tdma)"
+        )
     return (
         f"{who} {load.airtime_share:.3g} times what the medium {load.medium} carries: packets wait in queues until "
         "these are full, and what does not fit is lost (queue_full); raise transmit.every_ticks, or take a faster radio"

@@ -70,17 +70,21 @@ class Sawtooth(NamedTuple):
         return np.where(np.isfinite(found), found, np.nan)
 
 
-def sawtooth(generated_ns: Times, received_ns: Times, begin_ns: int, end_ns: int) -> Sawtooth:
+def sawtooth(
+    generated_ns: Times, received_ns: Times, begin_ns: int, end_ns: int, since_ns: int | None = None
+) -> Sawtooth:
     """The age of information of one link from ``begin_ns`` to ``end_ns``.
 
     Args:
         generated_ns: when the packets that arrive were generated, in the order in which they came.
         received_ns: when they came, not falling; what comes after the end counts for nothing.
-        begin_ns: from when on; if no packet has come by then, age counts from here until one does.
+        begin_ns: from when on.
         end_ns: until when.
+        since_ns: from when on age counts until a packet comes; None: from ``begin_ns``.
     """
     came = np.searchsorted(received_ns, end_ns, side="right")
-    newest = np.concatenate([[begin_ns], np.maximum.accumulate(generated_ns[:came])])
+    nothing_ns = begin_ns if since_ns is None else since_ns
+    newest = np.concatenate([[nothing_ns], np.maximum.accumulate(generated_ns[:came])])
     begins = np.concatenate([[begin_ns], np.maximum(received_ns[:came], begin_ns)])
     ends = np.append(begins[1:], max(end_ns, begin_ns))
     lasts = ends > begins

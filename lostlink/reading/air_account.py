@@ -26,6 +26,8 @@ from lostlink.reading.too_long import TooLong, remark_of, too_long_of, warnings_
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
+OVERLAPPING: Final = (Fate.COLLIDED, Fate.HALF_DUPLEX)
+"""Fates of frames at receivers at which others were at once, or that transmitted themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,8 @@ class AirAccount:
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
         lost_waiting: receptions for which there was no time on the air.
         waiting_at_end: those of them that were not lost before the run ended.
+        lost_overlapping: receptions that were lost as frames were on the air at once, where no node waits for others;
+            0 where nodes do.
         received_most_bps: payload that one node received in its busiest such period.
         received_most_node: that node; that with the most for its bit rate.
         received_most_share: the same over the bit rate of its radio.
@@ -72,6 +76,7 @@ class AirAccount:
     delay_p95_s: float | None
     lost_waiting: int
     waiting_at_end: int
+    lost_overlapping: int
     received_most_bps: float
     received_most_node: str
     received_most_share: float
@@ -81,7 +86,7 @@ class AirAccount:
     def is_overloaded(self) -> bool:
         """Whether more was offered than it can carry, and it showed: packets came that could not, or were lost."""
         if self.takes_time:
-            return self.busiest_share > 1.0 and self._lost_in_time > 0
+            return self.busiest_share > 1.0 and self._lost_in_time + self.lost_overlapping > 0
         return self.busiest_share > 1.0
 
     @property
@@ -107,8 +112,7 @@ class AirAccount:
             return (
                 f"{self._network}the nodes offered {rate_text(self.offered_bps)} to the medium {self.medium}, in the "
                 f"busiest {BUSY_NS / NS_PER_S:g} s {self.busiest_share:.3g} times the {rate_text(self.capacity_bps)}"
-                f"{whose} that it carries of such packets: {self._lost_in_time} receptions were lost for want of time "
-                "on the air"
+                f"{whose} that it carries of such packets: {self._lost}"
             )
         key = "radio.medium" if self.radio == MAIN else f"networks.{self.radio}.medium"
         return (
@@ -120,6 +124,15 @@ class AirAccount:
     def _lost_in_time(self) -> int:
         """Receptions that were lost for want of time on the air while the run lasted."""
         return self.lost_waiting - self.waiting_at_end
+
+    @property
+    def _lost(self) -> str:
+        if self.lost_overlapping:
+            return (
+                "no node waits for others there, and "
+                f"{self.lost_overlapping} receptions were lost as frames were on the air at once"
+            )
+        return f"{self._lost_in_time} receptions were lost for want of time on the air"
 
     @property
     def _network(self) -> str:
@@ -158,8 +171,9 @@ def account_of(
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
     if on_air_ns is not None:
         use = on_air_ns / max(end_ns, 1)
-    waiting = [FATES.index(fate.value) for fate in WAITING]
+    waiting, overlapping = ([FATES.index(fate.value) for fate in some] for some in (WAITING, OVERLAPPING))
     fates, packets = rows.columns["fate"], rows.columns["packets"]
+    lost_overlapping = 0 if capacity.has_turns else int(packets[np.isin(fates, overlapping)].sum())
     received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)
     own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
     bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
@@ -182,6 +196,7 @@ def account_of(
         delay_p95_s=_number(delays, 1),
         lost_waiting=int(packets[np.isin(fates, waiting)].sum()),
         waiting_at_end=int(packets[fates == RUN_ENDED].sum()),
+        lost_overlapping=lost_overlapping,
         received_most_bps=float(received_bps[most]),
         received_most_node=rows.nodes[most],
         received_most_share=float(received_bps[most] / bit_rates_bps[most]),

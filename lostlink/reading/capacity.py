@@ -10,6 +10,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
+from channel.access.settings.air_time import AirTimeMedium
 from channel.access.settings.base import Ideal
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
@@ -61,6 +62,11 @@ class Capacity:
     def takes_time(self) -> bool:
         """Whether packets take time on it."""
         return not isinstance(self.settings, Ideal)
+
+    @property
+    def has_turns(self) -> bool:
+        """Whether a node waits until others are done, so that what is too much waits; else frames overlap."""
+        return not isinstance(self.settings, AirTimeMedium)
 
     @property
     def shared_by(self) -> SharedBy:

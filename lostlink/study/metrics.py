@@ -80,8 +80,8 @@ def of_tables(run: Run) -> Metrics:
 
 
 def link_column(tx: str, rx: str) -> str:
-    """The column of a link's delivery."""
-    return f"delivery_{tx}_{rx}"
+    """The column of a link's delivery; of ids with a ``_`` no other link has the same."""
+    return f"delivery_{tx}->{rx}" if "_" in tx + rx else f"delivery_{tx}_{rx}"
 
 
 def _mean(values: NDArray[np.float64]) -> float:

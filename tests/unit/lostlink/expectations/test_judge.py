@@ -85,6 +85,21 @@ def test_age(run: Path, expectation: dict[str, Any], found: float | None, passed
     assert judgement.passed is passed
 
 
+def test_what_was_never_heard_is_as_old_as_the_run(tmp_path: Path) -> None:
+    """Also over an interval that begins later: the age began anew there, and passed."""
+
+    def lose_all(made: RunContent) -> None:
+        for index, row in enumerate(made.rows):
+            if row.tx == "0":
+                made.change_row(index, fate="channel_erasure")
+
+    silent = make_run(tmp_path / "run", lose_all)
+    judgement = judged(
+        silent, type="age", **{"node": 1, "from": 0, "between_s": [0.5, 0.8], "at_most_s": 0.4}
+    )
+    assert (judgement.found, judgement.passed) == (0.8, False)
+
+
 @pytest.mark.parametrize(
     ("expectation", "found", "passed"),
     [  # UA 1 is at t + 1 m north and 10 m high; the last tick is at 0.95 s

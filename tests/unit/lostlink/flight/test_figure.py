@@ -79,3 +79,16 @@ def test_many_links_are_drawn_as_their_mean_and_their_spread(drawn: list[Figure]
     points = axes.containers[0].lines[0]  # type: ignore[attr-defined]
     assert points.get_ydata().tolist() == pytest.approx([1 - 1.5 / 40] * 2)
     assert points.get_xdata().tolist() == [10.0, 310.0]
+
+
+@pytest.mark.parametrize(
+    ("radio", "named"),
+    [
+        ("wifi-2.4", "wifi-2.4"),
+        ({"preset": "elrs-2.4-333full"}, "elrs-2.4-333full"),
+        ("/a/my.lab.yaml", "my.lab"),
+    ],
+)
+def test_the_radio_is_named_whole(radio: Any, named: str, drawn: list[Figure], tmp_path: Path) -> None:
+    draw_probability_of_delivery(summary_of(2) | {"radio": radio}, None, tmp_path / "figure.png")
+    assert drawn[0].axes[0].get_title().startswith(f"made: {named}, seed 1")

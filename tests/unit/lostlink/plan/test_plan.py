@@ -145,6 +145,12 @@ def on_medium(*medium: str, more: Sequence[str] = ()) -> dict[str, Any]:
     return plan_with("radio=telemetry-915", *(f"radio.medium.{each}" for each in medium), *more)
 
 
+def test_where_no_node_waits_frames_are_said_to_overlap() -> None:
+    (warning,) = on_medium("model=airtime")["warnings"]
+    assert "no node waits for others there, so that frames are on the air at once" in warning
+    assert "queue_full" not in warning
+
+
 def test_load_on_a_pair_of_sik_radios_is_over_what_their_firmware_carries() -> None:
     """64 kb/s: 3240 B/s each while both are busy, by simulating the firmware's arithmetic apart from this code."""
     plan = plan_with("radio=telemetry-915")

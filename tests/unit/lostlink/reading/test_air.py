@@ -237,6 +237,23 @@ def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -
     assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
 
 
+@pytest.mark.parametrize(("fate", "warns"), [("collided", True), ("half_duplex", True), ("delivered", False)])
+def test_where_no_node_waits_too_much_shows_by_frames_that_overlap(fate: str, warns: bool) -> None:
+    """Nothing waits on `airtime`, so that 4.6 times too much went untold."""
+    account = account_of(
+        rows(*({"tx": seq % 2, "rx": 2, "seq": seq, "fate": fate} for seq in range(200))),
+        capacity(AIRTIME),
+        S,
+    )
+    assert account.busiest_share > 1.0
+    assert account.lost_overlapping == (200 if warns else 0)
+    told = "no node waits for others there, and 200 receptions were lost as frames were on the air at once"
+    assert (told in "".join(account.warnings)) is warns
+    assert account.remark.startswith("medium airtime, offered" if warns else "medium airtime")
+    waits = account_of(rows(*({"seq": seq, "fate": "collided"} for seq in range(200))), capacity(TDMA), S)
+    assert (waits.lost_overlapping, waits.warnings) == (0, [])
+
+
 def test_packets_that_are_too_long_are_warned_of_with_what_to_do() -> None:
     """The radio takes 200 bytes; 100 bytes and 8 of header have no room in a slot of another's."""
     given = rows(

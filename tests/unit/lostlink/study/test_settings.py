@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 
+from lostlink.study.metrics import link_column
 from lostlink.study.settings import Mean, by_setting, mean_of
 
 LABELS = ["scenario", "case", "radio", "seed"]
@@ -65,3 +67,10 @@ def test_a_mean_has_two_digits_of_its_error(mean: Mean, text: str) -> None:
 def test_a_study_of_one_run_has_one_setting_without_labels() -> None:
     (only,) = by_setting(rows()[:1], LABELS)
     assert (dict(only.labels), only.runs, str(only.means["far_m"])) == ({}, 1, "10")
+
+
+def test_each_link_has_a_column_of_its_own_whatever_its_ends_are_called() -> None:
+    nodes = ("a", "a_b", "b_c", "c", "0", "1")
+    links = list(permutations(nodes, 2))
+    assert len({link_column(*link) for link in links}) == len(links)
+    assert link_column("0", "1") == "delivery_0_1"
