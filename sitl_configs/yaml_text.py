@@ -10,6 +10,8 @@ import yaml
 SHIPPED = Path(__file__).resolve().parent
 VALUES_MAX = 1_000_000
 """A file has hundreds; aliases of aliases may stand for more than there is memory."""
+NO_VALUE = (ValueError, LookupError, AttributeError, TypeError)
+"""What PyYAML raises of a word that is none of its tag: a date that is none, or `!!bool maybe`."""
 OURS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Loader of what ships, or what we wrote: ten times as fast where libyaml is, which a text that is nested too deeply
 crashes, with the whole process."""
@@ -60,7 +62,7 @@ def read_yaml(text: str, *, is_ours: bool = False) -> Any:
         raise YamlMistake(f"is not YAML: {getattr(error, 'problem', None) or error}", _line(error)) from None
     except RecursionError:
         raise YamlMistake("is nested too deeply") from None
-    except ValueError as error:  # a date that is none, say
+    except NO_VALUE as error:
         raise YamlMistake(f"is not YAML: {error}") from None
 
 

@@ -21,8 +21,12 @@ from bridge.scenario.document.files import YAML
 RADIO_FOLDER: Final = "radios"
 CODE: Final = ".py:"
 Change = Callable[[Any], Any]
-LARGE_BYTES: Final = 64 << 20
-"""Maps above this are not copied."""
+LARGE_BYTES: Final = 8 << 20
+"""Maps above this are not copied: each run of a study has its own."""
+OF_MANY_FILES: Final = frozenset((".vrt", ".asc", ".hgt", ".img", ".bil", ".flt"))
+"""Maps whose format has other files beside, or a meaning in the file's name."""
+BESIDE: Final = (".tfw", ".wld", ".prj", ".hdr", ".ovr", ".msk", ".aux.xml")
+"""What GDAL reads with a map of the same name."""
 
 
 def with_radios_carried(content: dict[str, Any], run: Path) -> tuple[dict[str, Any], dict[str, str]]:
@@ -131,7 +135,7 @@ class _Carried:
 
     def _map(self, text: str, below: str) -> str:
         file = Path(text)
-        if not file.is_file() or file.stat().st_size > LARGE_BYTES:
+        if not file.is_file() or not _is_one_small_file(file):
             return text
         if file not in self._names:
             name = self._names[file] = self._free_name(file)
@@ -142,11 +146,19 @@ class _Carried:
     def _free_name(self, file: Path) -> str:
         """The file's name; with a number if another has it."""
         self._folder.mkdir(exist_ok=True)
-        taken, name, number = set(self._names.values()), file.name, 1
-        while name in taken:
+        taken = {each.casefold() for each in self._names.values()}  # a file system may not tell case apart
+        name, number = file.name, 1
+        while name.casefold() in taken:
             number += 1
             name = f"{file.stem}-{number}{file.suffix}"
         return name
+
+
+def _is_one_small_file(file: Path) -> bool:
+    """Whether a map is a file that can be copied and read alone: GDAL reads what lies beside one, too."""
+    if file.stat().st_size > LARGE_BYTES or file.suffix.lower() in OF_MANY_FILES:
+        return False
+    return not any(Path(f"{base}{end}").exists() for base in (file, file.with_suffix("")) for end in BESIDE)
 
 
 def _has_code(tree: Any) -> bool:

@@ -71,4 +71,6 @@ def _tell_move(scenario: Scenario, placed: Scenario) -> None:
         text += f", with MAVLink from TCP port {placed.aps_port(ua)} on"
         if len(placed.udp_outputs(ua)) < len(scenario.udp_outputs(ua)):
             text += f" and none sent to UDP port {scenario.ports.gcs} (--udp-out sends it)"
+    if placed.ports.zenoh != scenario.ports.zenoh:
+        text += "; Zenoh is at any free port"
     tell(text)

@@ -41,11 +41,11 @@ def _in_digests(summary: Mapping[str, Any], run: Path) -> Iterator[str]:
     except (OSError, ValueError) as error:
         yield f"digests: {error}"
         return
-    for name in sorted(said.keys() | found.keys()):
-        if said.get(name) != found.get(name):
-            yield _told(f"digests.{name}", said.get(name), found.get(name))
-    if summary.get("digest") != digest_line(found):
-        yield _told("digest", summary.get("digest"), digest_line(found))
+    for name in sorted(found):
+        if said.get(name) != found[name]:
+            yield _told(f"digests.{name}", said.get(name), found[name])
+    if summary.get("digest") != digest_line(said):
+        yield _told("digest", summary.get("digest"), digest_line(said))
 
 
 def _in_links(summary: Mapping[str, Any], run: Path) -> Iterator[str]:
@@ -81,8 +81,17 @@ def _in_ledger(summary: Mapping[str, Any], run: Path) -> Iterator[str]:
         return
     ledger = json.loads((run / LEDGER).read_text(encoding="ascii"))
     for key in sorted(summary.keys() & ledger.keys() & FROM_LEDGER):
-        if json.dumps(summary[key], sort_keys=True) != json.dumps(ledger[key], sort_keys=True):
+        if not _same(summary[key], ledger[key]):
             yield f"{key}: not those of {LEDGER}"
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two values are the same in JSON, where nan is nan."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other or (one != one and other != other)) and type(one) is type(other)
 
 
 def _told(key: str, said: object, found: object) -> str:

@@ -81,8 +81,8 @@ class Moved:
         wanted = self._recorded.get(str(path))
         for folder in self.looked_in:
             places = [folder.joinpath(*path.parts[begin:]) for begin in range(1, len(path.parts))]
-            there = [place for place in places if place.is_file()]
-            same = [place for place in there if wanted and file_digest(place) == wanted]
+            there = [place for place in places if place != path and _is_file(place)]
+            same = [place for place in there if wanted and _digest(place) == wanted]
             if same or (there and folder == self._folder):
                 return [*same, *there][0]
         return None
@@ -92,6 +92,19 @@ class Moved:
         """Digests by recorded path."""
         made = read_provenance(self._run)
         return {} if made is None else {os.path.normpath(path): one for path, one in made.files.items()}
+
+
+def _is_file(place: Path) -> bool:
+    """Whether there is a file; False of a folder that we may not look into."""
+    return os.path.isfile(place)  # noqa: PTH113
+
+
+def _digest(place: Path) -> str:
+    """Of a file's content; "" if we may not read it."""
+    try:
+        return file_digest(place)
+    except OSError:
+        return ""
 
 
 def scenario_of(run: Path) -> Scenario:

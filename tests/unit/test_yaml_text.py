@@ -28,6 +28,9 @@ BOMB = "\n".join(
         ("[" * 100_000 + "]" * 100_000, None, "is nested too deeply"),
         (BOMB, None, "has more than 1000000 values"),
         ("a: \x00", None, "is not YAML: "),
+        ("a: !!bool maybe", None, "is not YAML: "),
+        ("a: !!int ''", None, "is not YAML: "),
+        ("a: !!timestamp soon", None, "is not YAML: "),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(text: str, line: int | None, told: str) -> None:

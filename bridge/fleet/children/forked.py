@@ -82,8 +82,11 @@ def _flush() -> None:
 def can_fork() -> bool:
     """Whether this process may be forked, and its child be a part of a run.
 
-    The interpreter may have been told to look at no environment (``-I``), or to leave out assertions.
+    The interpreter may have been told to look at no environment (``-I``), or to leave out assertions. GDAL, which reads
+    terrain, hangs in the child of a process that has used it.
     """
+    if "rasterio" in sys.modules:
+        return False
     as_in_runs = has_environment(os.environ) and not sys.flags.hash_randomization and not sys.flags.optimize
     return sys.platform == "linux" and threading.active_count() == 1 and as_in_runs
 
@@ -122,7 +125,8 @@ class Understudy:
             return 0
         words, name, *inherited = json.loads(order)
         _take_files(fds, inherited)
-        Path("/proc/self/comm").write_text(name, encoding="utf-8")  # its command line is its parent's
+        with suppress(OSError):  # for people: its command line is its parent's
+            Path("/proc/self/comm").write_text(name, encoding="utf-8")
         if play is None:
             raise failure or AssertionError
         for variable in os.environ.keys() - environment_of(os.environ).keys():

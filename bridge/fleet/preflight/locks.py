@@ -11,7 +11,7 @@ import fcntl
 import os
 import socket
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 FOLDER = Path("/tmp")
@@ -54,6 +54,8 @@ def hold_file(name: str, held: ExitStack) -> bool:
             flags = os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             fd = os.open(FOLDER / f"{name}.lock", flags, 0o644)
             trial.callback(os.close, fd)
+            with suppress(PermissionError):  # another user's, who has done so
+                os.fchmod(fd, 0o644)  # whatever our umask is
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except (BlockingIOError, PermissionError):
             return False

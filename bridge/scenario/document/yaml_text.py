@@ -9,10 +9,9 @@ import yaml
 
 from bridge.scenario.document.written import Written, WrittenPlace
 from bridge.scenario.mistakes.error import ScenarioError
+from sitl_configs.yaml_text import NO_VALUE, VALUES_MAX
 
 MAPPING, SEQUENCE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"
-VALUES_MAX = 1_000_000
-"""A scenario has hundreds; aliases of aliases may stand for more than there is memory."""
 
 
 def read_yaml(text: str, source: str, folder: Path, kind: str = "scenario") -> Written:
@@ -39,7 +38,7 @@ def read_yaml(text: str, source: str, folder: Path, kind: str = "scenario") -> W
             loader.dispose()
     except yaml.YAMLError as error:
         raise ScenarioError(_yaml_mistake(source, error)) from error
-    except ValueError as error:  # a date that is none, say
+    except NO_VALUE as error:
         if isinstance(error, ScenarioError):
             raise
         raise ScenarioError(f"{source}: not valid YAML: {error}") from error

@@ -110,10 +110,15 @@ def test_a_run_that_is_written_again_carries_them_too(moved: tuple[list[str], Pa
         assert radios(scenario_of(target), target / "radios") == flown
 
 
-def test_a_map_that_is_too_large_to_be_copied_stays_where_it_is(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("many", [False, True])
+def test_a_map_that_is_too_large_or_has_files_beside_stays_where_it_is(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many: bool
 ) -> None:
-    monkeypatch.setattr(carried, "LARGE_BYTES", 10)
+    if many:
+        for file in folder.rglob("*.csv"):
+            file.with_suffix(".prj").touch()
+    else:
+        monkeypatch.setattr(carried, "LARGE_BYTES", 10)
     scenario = parse_scenario(SCENARIO, "own.yaml", folder)
     RunDirectory(tmp_path).write(scenario, "")
     assert not list((tmp_path / "radios").glob("*.csv"))

@@ -39,7 +39,7 @@ def test_auto_moves_a_run_whose_ports_are_in_use_and_says_where_to(
     assert capsys.readouterr().err == (
         "lostlink: ports of the run are in use: "
         f"it moves to --first-slot {slot}, with MAVLink from TCP port {port} on "
-        "and none sent to UDP port 14550 (--udp-out sends it)\n"
+        "and none sent to UDP port 14550 (--udp-out sends it); Zenoh is at any free port\n"
     )
     with at_ports(scenario, "auto") as placed:
         assert placed is scenario

@@ -123,3 +123,12 @@ def test_compare_and_report_say_so_with_status_1(recorded: Callable[[Path], Path
         assert done.exit_code == status
         assert (told in done.stderr) is bool(status)
         assert ("not that of the record" in (run / "report.html").read_text()) is bool(status)
+
+
+def test_what_is_no_more_there_is_no_mistake(recorded: Callable[[Path], Path], tmp_path: Path) -> None:
+    """A record may lose its streams, to be small; what is left is held against the summary."""
+    run = recorded(tmp_path / "A")
+    shutil.rmtree(run / "streams")
+    assert mistakes_in_summary(run) == []
+    change(run, lambda summary: summary["digests"].update(dict.fromkeys(summary["digests"], "0" * 64)))
+    assert len(mistakes_in_summary(run)) > 1

@@ -64,3 +64,18 @@ def test_a_file_is_found_where_the_user_is(
     assert Moved(run).find(named(tmp_path)) == named(tmp_path)
     monkeypatch.chdir(handed_in)
     assert Moved(run).find(named(tmp_path)) == f"{handed_in}/agents/swarm.py:Mine"
+
+
+def test_what_may_not_be_read_is_not_found(
+    handed_in: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in the home of another user: `Path.is_file` raises there, and reading was the end of it."""
+
+    def refuse(*_: object) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "is_file", refuse)
+    monkeypatch.setattr("lostlink.reading.moved.file_digest", refuse)
+    moved = Moved(handed_in / "runs" / "A")
+    assert moved.find(named(tmp_path)) == named(tmp_path)
+    assert [*moved.missing] == [tmp_path / "work" / "agents" / "swarm.py"]
