@@ -53,3 +53,11 @@ def stream_digest(path: Path) -> str:
     """
     with open_stream(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digest_if_readable(path: Path) -> str:
+    """SHA-256 (hex) of a file; "" if it cannot be read."""
+    try:
+        return file_digest(path)
+    except OSError:
+        return ""

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
-from bridge.record.digests import file_digest
+from bridge.record.digests import digest_if_readable, file_digest
 from bridge.record.names import PROVENANCE_FILE
 
 PACKAGES: Final = ("numpy", "scipy", "jsbsim", "pymavlink", "eclipse-zenoh", "pyarrow")
@@ -112,7 +112,7 @@ def collect(
         cpu=_cpu(),
         environment={name: os.environ[name] for name in VARIABLES if name in os.environ},
         autopilots=dict(autopilots),
-        files={str(path): _digest_of(path) for path in files},
+        files={str(path): digest_if_readable(path) for path in files},
     )
 
 
@@ -247,13 +247,6 @@ def version_of(package: str) -> str:
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
-        return ""
-
-
-def _digest_of(path: Path) -> str:
-    try:
-        return file_digest(path)
-    except OSError:
         return ""
 
 

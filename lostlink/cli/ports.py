@@ -11,30 +11,18 @@ import click
 from bridge.fleet.preflight.slots import at_own_or_free_ports, at_own_ports
 from bridge.scenario.model import Scenario
 from lostlink.cli.exits import tell
+from lostlink.cli.number_or_word import SLOT
 
 F = TypeVar("F", bound=Callable[..., Any])
 FirstSlot = int | Literal["auto"] | None
 """What ``--first-slot`` gives; None: it was not given."""
 
 
-class SlotOption(click.ParamType[int | str]):
-    """A slot, or auto."""
-
-    name = "N|auto"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Leave the range to the scenario, which knows it."""
-        try:
-            return value if value == "auto" else int(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a whole number nor 'auto'", param, ctx)
-
-
 def first_slot_option(command: F) -> F:
     """Add ``--first-slot`` to a command, as ``first_slot``."""
     return click.option(
         "--first-slot",
-        type=SlotOption(),
+        type=SLOT,
         help="Move the ports of all UA by ten times this; auto: to free ones, if any of the run's is in use.",
     )(command)
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
-from bridge.record.digests import file_digest
+from bridge.record.digests import digest_if_readable
 from bridge.record.provenance import read_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
@@ -82,7 +82,7 @@ class Moved:
         for folder in self.looked_in:
             places = [folder.joinpath(*path.parts[begin:]) for begin in range(1, len(path.parts))]
             there = [place for place in places if place != path and _is_file(place)]
-            same = [place for place in there if wanted and _digest(place) == wanted]
+            same = [place for place in there if wanted and digest_if_readable(place) == wanted]
             if same or (there and folder == self._folder):
                 return [*same, *there][0]
         return None
@@ -99,14 +99,6 @@ def _is_file(place: Path) -> bool:
     return os.path.isfile(place)  # noqa: PTH113
 
 
-def _digest(place: Path) -> str:
-    """Of a file's content; "" if we may not read it."""
-    try:
-        return file_digest(place)
-    except OSError:
-        return ""
-
-
 def scenario_of(run: Path) -> Scenario:
     """The scenario of a record as resolved, with the files that it names where they lie now.
 
@@ -118,7 +110,7 @@ def scenario_of(run: Path) -> Scenario:
 
 def _moved_along(path: Path, folders: Mapping[Path, Path]) -> Path:
     places = [new / path.relative_to(old) for old, new in folders.items() if path.is_relative_to(old)]
-    return next((place for place in places if place.is_file()), path)
+    return next((place for place in places if _is_file(place)), path)
 
 
 def _same_ends(old: Path, new: Path) -> Iterator[str]:

@@ -15,7 +15,7 @@ from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
-from lostlink.cli.flying.run import SpeedOption
+from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
@@ -50,7 +50,7 @@ EXIT_INTERRUPTED = 130
 )
 @click.option(
     "--speed",
-    type=SpeedOption(),
+    type=SPEED,
     default="max",
     show_default=True,
     help="Real-time factor, or max: as fast as this machine can. The result does not depend on it.",

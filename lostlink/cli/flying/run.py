@@ -19,6 +19,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
 from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
@@ -27,19 +28,6 @@ from lostlink.flight.console import plain_console
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, NoView, ViewProcess
-
-
-class SpeedOption(click.ParamType[float | str]):
-    """A real-time factor, or max."""
-
-    name = "X|max"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Leave the range to the scenario, which knows it."""
-        try:
-            return value if value == "max" else float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'max'", param, ctx)
 
 
 @click.command(short_help="Fly a scenario and record what its radio delivered.")
@@ -51,7 +39,7 @@ class SpeedOption(click.ParamType[float | str]):
     help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
 )
 @px4_option
-@click.option("--speed", type=SpeedOption(), help="Real-time factor, or max: as fast as this machine can.")
+@click.option("--speed", type=SPEED, help="Real-time factor, or max: as fast as this machine can.")
 @click.option(
     "--coupling",
     type=click.Choice(get_args(Coupling)),

@@ -19,7 +19,7 @@ from bridge.bus.session import Session, SessionError, checked_endpoint, open_cli
 from bridge.run.every import Every
 from bridge.run.process import on_stop_signal
 from bridge.timeouts import NEWS_PERIOD_S
-from lostlink.cli.flying.run import SpeedOption
+from lostlink.cli.number_or_word import SPEED
 
 if TYPE_CHECKING:
     from lostlink.replay.moment import Moment
@@ -32,7 +32,7 @@ EXIT_USAGE = 2
 
 @click.command(short_help="Publish a recorded run on Zenoh again.")
 @click.argument("run", type=click.Path(path_type=Path))
-@click.option("--speed", type=SpeedOption(), default=1.0, show_default=True, help="Real-time factor, or max.")
+@click.option("--speed", type=SPEED, default=1.0, show_default=True, help="Real-time factor, or max.")
 @click.option("--from", "begin_s", type=float, metavar="SECONDS", help="Sim time to begin at.")
 @click.option("--to", "end_s", type=float, metavar="SECONDS", help="Sim time to end at.")
 @click.option("--loop", is_flag=True, help="Begin anew at the end, for ever.")

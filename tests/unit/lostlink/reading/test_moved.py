@@ -75,7 +75,7 @@ def test_what_may_not_be_read_is_not_found(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "is_file", refuse)
-    monkeypatch.setattr("lostlink.reading.moved.file_digest", refuse)
+    monkeypatch.setattr("bridge.record.digests.file_digest", refuse)
     moved = Moved(handed_in / "runs" / "A")
     assert moved.find(named(tmp_path)) == named(tmp_path)
     assert [*moved.missing] == [tmp_path / "work" / "agents" / "swarm.py"]
