@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,22 +46,34 @@ def read_yaml(text: str, *, is_ours: bool = False) -> Any:
     Raises:
         YamlMistake: it is not YAML, is nested too deeply, has too many values, or has a key twice.
     """
+    if is_ours:
+        return yaml.load(text, Loader=OURS)
+    with composed(text) as (root, loader):
+        return None if root is None else loader.construct_document(root)
+
+
+@contextmanager
+def composed(text: str) -> Iterator[tuple[yaml.Node | None, yaml.SafeLoader]]:
+    """Give the root of a text's nodes, None if there is nothing, and what makes values of nodes.
+
+    Raises:
+        YamlMistake: as `read_yaml`; also of what the block that is entered makes of the nodes.
+    """
     try:
-        if is_ours:
-            return yaml.load(text, Loader=OURS)
         loader = yaml.SafeLoader(text)
         try:
             root = loader.get_single_node()
-            if root is None:
-                return None
-            _count(root, {})
-            return loader.construct_document(root)
+            if root is not None:
+                _count(root, {})
+            yield root, loader
         finally:
             loader.dispose()
     except YamlMistake:
         raise
     except yaml.YAMLError as error:
-        raise YamlMistake(f"is not YAML: {getattr(error, 'problem', None) or error}", _line(error)) from None
+        problem = str(getattr(error, "problem", None) or error)
+        hint = "; indent with spaces" if "'\\t'" in problem else ""
+        raise YamlMistake(f"is not YAML: {problem}{hint}", _line(error)) from None
     except RecursionError:
         raise YamlMistake("is nested too deeply") from None
     except NO_VALUE as error:

@@ -203,7 +203,7 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("metrics: mine.py\n", "metrics: has to be FILE.py:FUNCTION"),
         ("metrics: nothing.py:f\n", "nothing.py: no such file"),
         ("keep: some\n", "yaml:4: keep: has to be 'all', 'failed' or 'none' \\(got 'some'\\)"),
-        ("set: {a: 2020-13-45}\n", "not valid YAML: month must be in 1..12"),
+        ("set: {a: 2020-13-45}\n", "is not YAML: month must be in 1..12"),
         ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
         ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
     ],

@@ -127,7 +127,7 @@ def test_a_mistake_is_told_where_it_was_written(folder: Path) -> None:
         ),
         ("extends: separation\nwithout: 1\n", r"mine.yaml:2: without: has to be a list of ids"),
         ("without: [1]\n", r"mine.yaml:1: without: .* but there is no extends"),
-        ("extends: broken.yaml\n", r"broken.yaml:2: not valid YAML"),
+        ("extends: broken.yaml\n", r"broken.yaml:2: is not YAML"),
     ],
 )
 def test_what_cannot_be_extended_is_refused(tmp_path: Path, text: str, says: str) -> None:

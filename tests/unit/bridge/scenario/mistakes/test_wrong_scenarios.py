@@ -184,7 +184,7 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
         ("to: 1", "to: 2", 22, "expectations.0.to", "no node has the id 2; there are: 0, 1"),
         ("at_least: 0.9", "at_least: 90", 22, "expectations.0.at_least", "less than or equal to 1 (got 90)"),
         ("type: delivery", "type: delivry", 22, "expectations.0", "did you mean delivery?"),
-        ("      north_m: 5", "\tnorth_m: 5", 16, "not valid YAML", "indent with spaces"),
+        ("      north_m: 5", "\tnorth_m: 5", 16, "is not YAML", "indent with spaces"),
         ("schema: 1", "extends: seperation\nschema: 1", 1, "extends", "did you mean separation?"),
         ("nodes:", "nodes: 5\nnode:", 9, "nodes", "has to be a list (got 5), as in nodes:"),
         ("seed: 1", "ports: {zenoh: 99999}", 3, "ports.zenoh", "less than or equal to 65535"),
