@@ -9,7 +9,7 @@ from typing import Any
 
 from bridge.fleet.hosts import host_groups, standin_groups
 from bridge.fleet.how import calls_standins, how_joined, in_words
-from bridge.fleet.preflight.ports import ports_of
+from bridge.fleet.preflight.ports import mistakes, ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, Transceiver
@@ -143,6 +143,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *rates_that_differ(scenario),
             *too_late(scenario),
             *_at_one_home(scenario),
+            *_at_one_port(scenario),
         ),
         tuple(left_out(scenario, common, wind_of(scenario))),
     )
@@ -207,6 +208,14 @@ def _at_one_home(scenario: Scenario) -> Iterator[str]:
                 "collide, and links between them have the radio's min_distance_m; give each its own, or the group a "
                 "pattern (home: {line: {spacing_m: 10}})"
             )
+
+
+def _at_one_port(scenario: Scenario) -> Iterator[str]:
+    """Ports with which a run would not start."""
+    lines = mistakes(ports_of(scenario))
+    more = f"; and {len(lines) - NAMED_MAX} more" if len(lines) > NAMED_MAX else ""
+    if lines:
+        yield f"a run would not start: {'; '.join(lines[:NAMED_MAX])}{more}"
 
 
 def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:

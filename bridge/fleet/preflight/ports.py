@@ -11,6 +11,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
 
 HOST = "127.0.0.1"
+PORT_MAX = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,22 +102,32 @@ def conflicts(uses: Iterable[PortUse], held: Collection[PortUse] = ()) -> list[s
         uses: the ports that are wanted.
         held: those of them that another run has, and may not have bound yet.
     """
-    lines: list[str] = []
+    return [line for use, mistake in _settled(uses) if (line := mistake or _taken(use, held))]
+
+
+def mistakes(uses: Iterable[PortUse]) -> list[str]:
+    """Those of `conflicts` that are the scenario's own, whatever else is on the machine."""
+    return [mistake for _, mistake in _settled(uses) if mistake]
+
+
+def _settled(uses: Iterable[PortUse]) -> Iterator[tuple[PortUse, str]]:
+    """Each port that is wanted, and what is wrong with that; empty if nothing is."""
     seen: dict[tuple[str, int], PortUse] = {}
     for use in uses:
         key = (use.transport, use.port)
         if key in seen:
-            lines.append(
-                f"{use} is also wanted for {seen[key].purpose}: change {use.setting} in the scenario"
-            )
-        elif use.port > 65535:
-            lines.append(f"{use} is beyond 65535: lower {use.setting} or ports.first_slot in the scenario")
-        elif not use.is_free:
-            lines.append(f"{use} is in use{_owner(use)}: {_remedy(use)}")
-        elif use in held:
-            lines.append(f"{use} is in use by another run: {_remedy(use)}")
+            yield use, f"{use} is also wanted for {seen[key].purpose}: change {use.setting} in the scenario"
+        elif use.port > PORT_MAX:
+            yield use, f"{use} is beyond {PORT_MAX}: lower {use.setting} or ports.first_slot in the scenario"
+        else:
+            yield use, ""
         seen[key] = use
-    return lines
+
+
+def _taken(use: PortUse, held: Collection[PortUse]) -> str:
+    if not use.is_free:
+        return f"{use} is in use{_owner(use)}: {_remedy(use)}"
+    return f"{use} is in use by another run: {_remedy(use)}" if use in held else ""
 
 
 def _remedy(use: PortUse) -> str:

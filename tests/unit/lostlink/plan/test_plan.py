@@ -277,6 +277,18 @@ def test_ua_with_one_home_are_warned_of() -> None:
     assert many.startswith("UA 0, 1, 2, 3, 4 and 3 more have one home")
 
 
+def test_ports_with_which_no_run_would_start_are_warned_of() -> None:
+    assert plan_with("processes=many", "nodes.1.id=100")["warnings"] == [
+        "a run would not start: TCP port 6760 (autopilot of UA 100) is also wanted for MAVLink server of UA 0: change "
+        "ports.autopilot in the scenario"
+    ]
+    text = TEXT.replace("count: 3", "count: 7").replace("first_slot: 7", "first_slot: 4000, aps: 40000")
+    line = plan_of(parse_scenario(text, "planned.yaml")).warnings[-1]
+    assert line.startswith("a run would not start: ")
+    assert line.count("is beyond 65535: lower ports.aps or ports.first_slot") == 5
+    assert line.endswith("; and 3 more")
+
+
 def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
     (warning,) = plan_of(parse_scenario(TEXT, "planned.yaml")).warnings
     assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")
