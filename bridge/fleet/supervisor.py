@@ -230,7 +230,8 @@ class Fleet:
             if silence_s > patience_s:
                 at_s = self.course.sim_time_ns / 1e9
                 raise FleetError(
-                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s\n{self._crew.tails()}"
+                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s; a run whose ticks take longer needs "
+                    f"fdm.stall_timeout_s above {patience_s / 2:g}, half of what it waits\n{self._crew.tails()}"
                 )
 
     async def _end(self) -> None:

@@ -482,6 +482,7 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     assert run.finish(150.0) == 1
     assert run.summary["ending"] == "failed"
     assert run.summary["error"].startswith("sim time has stood at 2.00 s for ")
+    assert "needs fdm.stall_timeout_s above 45, half of what it waits\n" in run.summary["error"]
     assert f"\nlogs/{host_of(processes)}.log: " in run.summary["error"]
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
