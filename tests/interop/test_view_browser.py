@@ -241,6 +241,9 @@ def test_a_link_turns_as_ua_1_flies_out(browser: Browser, start_run: StartRun) -
         assert any(at_m > 480.0 for at_m, _ in points)
     seen.open("Losses")
     expect(page.get_by_role("cell", name="channel erasure")).to_be_visible()
+    seen.open("Air")
+    expect(page.get_by_text("the medium is ideal, where packets take no time")).to_be_visible()
+    expect(page.get_by_role("img", name="Use of the air")).to_be_hidden()
     assert seen.hosts == {"127.0.0.1"}
     assert not seen.errors
     page.close()

@@ -34,10 +34,12 @@ from lostlink.view.page.tables import (
     LOSS_COLUMNS,
     agent_rows,
     air_rows,
+    air_words,
     emitter_rows,
     fleet_rows,
     link_words,
     loss_rows,
+    losses_words,
     node_words,
 )
 from lostlink.view.page.timeline import Timeline
@@ -208,9 +210,11 @@ class Page:
             with ui.tab_panel("Delivery"), ui.element("div").classes("ll-tab"):
                 self._delivery = chart("Probability of delivery against distance, measured and by the model")
             with ui.tab_panel("Losses"), ui.element("div").classes("ll-tab"):
+                self._losses_words = ui.label().classes("ll-words")
                 self._losses = chart("Share of packets that were lost to each cause, over sim time")
                 self._causes = table("Fates of packets", LOSS_COLUMNS, "cause")
             with ui.tab_panel("Air"), ui.element("div").classes("ll-tab"):
+                self._air_words = ui.label().classes("ll-words")
                 self._air = chart("Use of the air of each radio network and delay on it, over sim time")
                 self._networks = table("Radio networks on which packets take time", AIR_COLUMNS, "network")
             with ui.tab_panel("Matrix"), ui.element("div").classes("ll-tab"):
@@ -312,8 +316,11 @@ class Page:
                 self._words.set_text(link_words(view, *self._link, self._shown.way(*self._link)))
             case "Losses":
                 set_rows(self._causes, loss_rows(view))
+                self._losses_words.set_text(losses_words(view))
             case "Air":
                 set_rows(self._networks, air_rows(view))
+                self._air_words.set_text(air_words(view))
+                self._air.set_visibility(bool(view.air.networks))
             case "Agents":
                 set_rows(self._agents, agent_rows(view))
             case "Logged":

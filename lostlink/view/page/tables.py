@@ -13,6 +13,10 @@ from lostlink.view.picture.fleet_view import FleetView
 Rows = list[dict[str, Any]]
 
 
+FIRST_S = 1.0
+"""A page that is there so early has seen the run from its beginning."""
+
+
 def columns(*of: tuple[str, str, str], sortable: bool = False) -> Rows:
     """Columns as Quasar's table takes them: of each its name, label and side."""
     more = {"sortable": True} if sortable else {}
@@ -159,6 +163,23 @@ def loss_rows(view: FleetView) -> Rows:
         {"cause": cause.replace("_", " "), "packets": count, "share": f"{100 * count / total:.1f} %"}
         for cause, count in view.losses.total.most_common()
     ]
+
+
+def losses_words(view: FleetView) -> str:
+    """From when on fates are counted, where that is not the run's first second."""
+    since_s = view.losses.since_s
+    if since_s is None:
+        return "no packet yet since this page is open"
+    return "" if since_s < FIRST_S else f"since {since_s:.1f} s of sim time, when a page was opened"
+
+
+def air_words(view: FleetView) -> str:
+    """Why nothing is known of the air."""
+    return (
+        ""
+        if view.air.networks
+        else "no frame yet: nothing was sent, or the medium is ideal, where packets take no time"
+    )
 
 
 def air_rows(view: FleetView) -> Rows:

@@ -12,7 +12,7 @@ from bridge.record.tables.deliveries import DELIVERIES, FATES
 from bridge.record.tables.reader import read_columns
 from lostlink.replay.player import Player
 from lostlink.view.page.charts import LIGHT, air_chart
-from lostlink.view.page.tables import air_rows
+from lostlink.view.page.tables import air_rows, air_words
 from lostlink.view.picture import air_history as module
 from lostlink.view.picture.air_history import AirHistory
 from lostlink.view.picture.fleet_view import view_of
@@ -99,6 +99,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_record_shows_what_its_table_has(run: Path) -> None:
     view = view_of(scenario_of("telemetry-915", ("0", "gcs", "1")))
     source = RecordSource(Player.open(run), view, lambda: 0.0)
+    assert air_words(view).startswith("no frame yet: ")
     source.speed(float("inf"))
     for _ in range(1000):
         source.play()
@@ -122,6 +123,7 @@ def test_a_record_shows_what_its_table_has(run: Path) -> None:
     assert len(series.use) >= 9
     assert 0.3 < series.use[-1] < 1.0
     [row] = air_rows(view)
+    assert air_words(view) == ""
     assert row["network"] == "main"
     assert row["use"] == f"{100 * series.use[-1]:.0f} %"
     chart = air_chart({"main": series}, LIGHT)

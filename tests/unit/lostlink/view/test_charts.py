@@ -26,6 +26,7 @@ from lostlink.view.page.tables import (
     link_words,
     logged_rows,
     loss_rows,
+    losses_words,
 )
 from lostlink.view.picture.link_history import DistanceBins, LinkHistory
 from lostlink.view.picture.logged import Series
@@ -106,6 +107,17 @@ def test_the_fleet_in_words() -> None:
         ("delivered", 1),
         ("channel erasure", 1),
     ]
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "words"), [(0.5, ""), (47.25, "since 47.2 s of sim time, when a page was opened")]
+)
+def test_losses_say_from_when_on_they_are_counted(begin_s: float, words: str) -> None:
+    view = view_of_two()
+    assert losses_words(view) == "no packet yet since this page is open"
+    view.take(fates(begin_s, [(0, 1, 0)]))
+    view.take(fates(begin_s + 5.0, [(0, 1, 1)]))
+    assert losses_words(view) == words
 
 
 def test_a_link_in_words() -> None:
