@@ -40,6 +40,7 @@ class Localise(Agent):
         await self.take_off(self.options["altitude_m"])
         if not self.is_fixed_wing:
             await self.ua.change_speed(self.options["speed_mps"])
+        self.ua.report("searches")
         self.searching = asyncio.create_task(self.search())
         await self.sleep_until(self.options["until_s"])
         self.searching.cancel()
