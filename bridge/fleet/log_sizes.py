@@ -23,7 +23,11 @@ class LogSizes:
     def told(self) -> Iterator[str]:
         """What to say of logs that are large; of each again when it has ten times as much."""
         for file in sorted(self._folder.glob("*.log")):
-            size, wanted = file.stat().st_size, self._wanted.get(file.name, LARGE_BYTES)
+            try:
+                size = file.stat().st_size
+            except OSError:
+                continue  # somebody has removed it
+            wanted = self._wanted.get(file.name, LARGE_BYTES)
             if size >= wanted:
                 self._wanted[file.name] = 10 * wanted
                 yield f"{file} has {size / 1e6:.0f} MB by now: all that is printed and logged there is kept"

@@ -21,3 +21,10 @@ def test_a_large_log_is_told_of_once_and_again_when_it_is_ten_times_as_large(tmp
         f"{log} has {megabytes} MB by now: all that is printed and logged there is kept"
         for megabytes in (50, 500)
     ]
+
+
+def test_a_log_that_is_gone_is_nothing(tmp_path: Path) -> None:
+    (tmp_path / "gone.log").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "here.log").touch()
+    os.truncate(tmp_path / "here.log", LARGE_BYTES)
+    assert len(list(LogSizes(tmp_path).told())) == 1
