@@ -190,7 +190,9 @@ class Vehicle:
             self.commands.poll()
 
     def client_frame(self, frame: Frame, link: int) -> bytes | None:
-        """A client's frame on its way to the autopilot: the bytes to pass on, or ``None``."""
+        """A client's frame on its way to the autopilot's link: the bytes to pass on, or ``None``."""
+        if not self._is_for_autopilot(frame):
+            return frame.raw  # another vehicle or component is behind the link, too
         raw = self.streams.client_frame(frame, link)
         if self._stick is not None:
             self._stick.client_frame(frame)
@@ -243,6 +245,10 @@ class Vehicle:
         elif frame.msg_id == EVENT_ID:
             self._tell_text(self.events.take(frame, self.telemetry.custom_mode))
         return False
+
+    def _is_for_autopilot(self, frame: Frame) -> bool:
+        """Whether a message is addressed to the autopilot, or to everybody."""
+        return frame.target_system in (0, self.sysid) and frame.target_component in (0, AUTOPILOT_COMPID)
 
     def _is_for_us(self, frame: Frame) -> bool:
         """Whether a message is addressed to us, or to everybody."""
@@ -346,8 +352,7 @@ class Vehicle:
     def _note_command(self, frame: Frame) -> None:
         """Remember a client's command to the autopilot: its answer must not be taken for one of ours."""
         command = command_of(frame)
-        ours = frame.target_system in (0, self.sysid)
-        if command is not None and ours and frame.target_component in (0, AUTOPILOT_COMPID):
+        if command is not None:
             self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
 
     def _send(self, messages: list[Any], request: object) -> None:

@@ -310,3 +310,21 @@ def test_one_wish_too_many_is_denied_in_the_autopilots_name(bench):
     assert (ack.get_srcSystem(), ack.get_srcComponent()) == (2, 1)
     assert len(bench.commands(SET_MESSAGE_INTERVAL)) == passed
     assert bench.core.statistics()["answers"]["denied"] == 1
+
+
+@pytest.mark.parametrize("target", [(3, 1), (2, 100)])
+def test_streams_of_others_behind_the_autopilots_link_are_theirs(bench, target):
+    others = mavlink.MAVLink(None, srcSystem=target[0], srcComponent=target[1])
+    raw = bytes(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3).pack(others))
+    bench.core.frames(bench.link, bench.link.framer.receive(raw), 0)
+    bench.client(1)
+    del bench.heard[:]
+    group = mavlink.MAVLink_request_data_stream_message(*target, 0, 4, 1)
+    interval = mavlink.MAVLink_command_long_message(*target, SET_MESSAGE_INTERVAL, 0, ATTITUDE, 500, *[0] * 5)
+    bench.client_says(group)
+    bench.client_says(interval)  # faster than this autopilot can
+    passed = [message for message in bench.heard if message.get_srcSystem() == 255]
+    assert [message.get_type() for message in passed] == ["REQUEST_DATA_STREAM", "COMMAND_LONG"]
+    assert passed[1].param2 == 500
+    assert bench.core.vehicle.streams.interval_us(ATTITUDE) == 0
+    assert bench.core.vehicle.streams.counters.client_requests == 0
