@@ -8,7 +8,8 @@ The rules (those of ArduPilot's MAVLink_routing, see "Routing" in mavlink.io's g
 - our own UA's system with a component: only links that have seen that component (component 0: all that have
   seen the system). A component that nobody has seen: the autopilot, which decides;
 - HEARTBEAT: every other link but those already known to reach its sender (this is what ends loops);
-- RADIO and RADIO_STATUS describe one link and are never forwarded;
+- RADIO and RADIO_STATUS describe one link and are never forwarded; SETUP_SIGNING has a key, and goes to its target
+  only;
 - what we have sent ourselves and comes back, and what claims to come from the autopilot on any link but the
   autopilot's, is a loop or a forgery and goes nowhere. Another component that shares our ids is heard: MAVROS
   and other programs on board are component 191, too.
@@ -18,7 +19,8 @@ having one from the start, since many clients only listen (a dashboard, a pymavl
 otherwise see no telemetry at all.
 
 One vehicle may have several autopilot links. One of them is the primary: what is for the autopilot goes there
-alone, and only from there its untargeted messages are forwarded, so that nobody gets anything twice.
+alone, and only from there its untargeted messages are forwarded, and those of whoever else is heard there, so that
+nobody gets anything twice.
 
 Routes are learned from the sender of each frame and expire when it is silent; a closed link's go at once.
 """
@@ -42,6 +44,7 @@ MAX_OWN: Final = 256
 """Frames of our own that are remembered, to know them when they come back."""
 
 _HEARTBEAT: Final = 0
+_SETUP_SIGNING: Final = 256
 _LINK_LOCAL: Final = frozenset({109, 166})
 """RADIO_STATUS and RADIO: about the link they arrive on."""
 
@@ -61,7 +64,7 @@ class RoutingOutcome(Enum):
     """No other link has seen the target."""
     LOOP = "loop"
     STANDBY = "standby"
-    """From the autopilot by a link that is not the primary one."""
+    """By an autopilot's link that is not the primary one, from what is heard on that, too."""
 
 
 class Route(NamedTuple):
@@ -200,7 +203,9 @@ class Router:
                 route = _LINK_LOCAL_ROUTE
             elif target_system:
                 route = self._targeted(frame, source, now_ns)
-            elif ours and compid == self.autopilot_compid and source != self._primary:
+            elif msg_id == _SETUP_SIGNING:
+                route = _LINK_LOCAL_ROUTE
+            elif source in self._autopilots and self._comes_by_primary(sysid, compid, source, now_ns):
                 route = _STANDBY_ROUTE
             elif msg_id == _HEARTBEAT:
                 route = self._heartbeat(frame, source, now_ns)
@@ -213,6 +218,11 @@ class Router:
         if compid == self.autopilot_compid:
             return source not in self._autopilots
         return compid == self.compid and frame.raw in self._own_set
+
+    def _comes_by_primary(self, sysid: int, compid: int, source: int, now_ns: int) -> bool:
+        """Whether what an autopilot's link brings comes by the one that is used, too."""
+        primary = self._primary
+        return primary is not None and source != primary and self.knows(primary, sysid, compid, now_ns)
 
     def _new_sender(self, key: int) -> dict[int, int]:
         if len(self._seen) >= MAX_LEARNED:

@@ -11,6 +11,7 @@ from typing import Any, Final
 from aps.links.allowance import DEFAULT_FRAMES_PER_S, Allowance
 from aps.links.link import Link, Role
 from aps.wire.framer import Frame
+from aps.wire.signing import HeardStreams
 
 __all__ = ["DEFAULT_MAX_CLIENTS", "LinkTable"]
 
@@ -57,6 +58,8 @@ class LinkTable:
         self._on_open, self._on_frames, self._on_close, self._clock = on_open, on_frames, on_close, clock
         self._frames_per_s = frames_per_s
         self._allowances: dict[int, Allowance] = {}
+        self._heard: dict[bytes, HeardStreams] = {}
+        """By key."""
         self._past: Counter[str] = Counter()
         self._told_s: dict[str, float] = {}
         self._next_id = first_id
@@ -91,6 +94,8 @@ class LinkTable:
             self._tell("turned away", f"{link.name} turned away: {self.max_clients} are connected already")
             return False
         self._number(link, listener=self.listeners and link.role is Role.CLIENT)
+        if link.signing is not None and link.rules.key is not None:
+            link.signing.heard = self._heard.setdefault(link.rules.key, link.signing.heard)
         self.accepted += 1
         if link.role is Role.CLIENT:
             self._allowances[link.id] = Allowance(self._frames_per_s)

@@ -1,18 +1,23 @@
 """Writes .tlog files, as MAVProxy, Mission Planner and pymavlink read them.
 
-Each record is the time, 8 bytes, big-endian, in us since 1970, and one whole MAVLink frame. Every frame goes to the
+Each record is the time, 8 bytes, big-endian, in us since 1970, and one whole MAVLink frame, but for
+signatures, and messages that bring a key. Every frame goes to the
 operating system at once, so a daemon that is killed loses none; files are bounded in size and number.
 """
 
 from __future__ import annotations
 
+import errno
 import logging
+import os
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO, Final
+
+from aps.wire.signing import loggable
 
 __all__ = ["TlogCounters", "TlogWriter"]
 
@@ -73,13 +78,14 @@ class TlogWriter:
         self._told = False
 
     def write(self, raw: bytes) -> None:
-        """Write one frame. A disk that refuses is logged once and counted, and tried again."""
+        """Write one frame, as a log may have it (`loggable`). A disk that refuses is told once, and tried again."""
+        told = loggable(raw)
+        if told is None:
+            return
+        raw = told
         now_us = self._clock_us()
         try:
-            if self._file is None or self._file_bytes + _TIME.size + len(raw) > self._max_file_bytes:
-                self._next_file(now_us)
-            assert self._file is not None
-            self._file_bytes += self._file.write(_TIME.pack(now_us) + raw)
+            self._append(_TIME.pack(now_us) + raw, now_us)
         except OSError as error:
             self.counters.lost_frames += 1
             if not self._told:
@@ -89,6 +95,21 @@ class TlogWriter:
         self._told = False
         self.counters.frames += 1
         self.counters.bytes += _TIME.size + len(raw)
+
+    def _append(self, record: bytes, now_us: int) -> None:
+        """Write a whole record or nothing of it.
+
+        Raises:
+            OSError: the disk refuses.
+        """
+        if self._file is None or self._file_bytes + len(record) > self._max_file_bytes:
+            self._next_file(now_us)
+        assert self._file is not None
+        if self._file.write(record) < len(record):  # a disk that has just become full takes a part
+            self._file.truncate(self._file_bytes)
+            self._file.seek(self._file_bytes)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._file_bytes += len(record)
 
     def _next_file(self, now_us: int) -> None:
         self.close()

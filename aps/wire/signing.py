@@ -1,8 +1,9 @@
 """MAVLink 2 signing of one link: frames are signed on the way out and verified on the way in. No I/O.
 
 Source: mavlink.io, "Message Signing". The signature is link id, timestamp (10 us since 2015, six bytes) and the first
-six bytes of SHA-256 over key, frame, link id and timestamp. A timestamp counts once per sender and link id, and a
-sender that is new may not be more than a minute behind.
+six bytes of SHA-256 over key, frame, link id and timestamp. A timestamp counts once per sender and its link id, by
+whichever link of ours it comes (as in ArduPilot: else what was said could be said again from another port). A sender
+that is new may not be more than a minute behind.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +20,7 @@ from fastcrc.crc16 import mcrf4xx
 from aps.wire.dialect import CRC_EXTRA
 from aps.wire.framer import CRC_BYTES, INCOMPAT_SIGNED, MAGIC_V2, SIGNATURE_BYTES, Frame
 
-__all__ = ["KEY_BYTES", "Signing", "SigningCounters", "read_key"]
+__all__ = ["KEY_BYTES", "HeardStreams", "Signing", "SigningCounters", "loggable", "read_key"]
 
 KEY_BYTES: Final = 32
 EPOCH_UNIX_US: Final = 1_420_070_400_000_000
@@ -32,6 +33,9 @@ DIGEST_BYTES: Final = 6
 MAX_SENDERS: Final = 256
 RADIO_STATUS: Final = 109
 """Comes from radios, which have no key: taken unsigned, as ArduPilot does."""
+SETUP_SIGNING: Final = (256).to_bytes(3, "little")
+_ID: Final = slice(7, 10)
+"""Of the message id in a frame of MAVLink 2."""
 
 
 @dataclass(slots=True)
@@ -65,6 +69,16 @@ def read_key(path: Path) -> bytes:
     return hashlib.sha256(text.encode()).digest()
 
 
+@dataclass(slots=True)
+class HeardStreams:
+    """What was heard with one key."""
+
+    latest: int = 0
+    """Timestamp."""
+    by_sender: dict[tuple[int, int, int], int] = field(default_factory=dict)
+    """sysid, compid, link id -> latest timestamp."""
+
+
 class Signing:
     """One link's key, timestamps and link id.
 
@@ -72,6 +86,10 @@ class Signing:
         key: 32 bytes that both sides have.
         clock_us: us since 1970.
         link_id: of ours, 0..255.
+
+    Attributes:
+        counters: what became of the frames.
+        heard: with this key; links that share one take each frame once.
     """
 
     def __init__(self, key: bytes, clock_us: Callable[[], int], link_id: int = 0) -> None:
@@ -80,10 +98,9 @@ class Signing:
                 f"a key has {KEY_BYTES} bytes and a link id is in 0..255, not {len(key)} and {link_id}"
             )
         self.counters = SigningCounters()
+        self.heard = HeardStreams()
         self._key, self._clock_us, self._link_id = key, clock_us, link_id
         self._latest = 0
-        self._heard: dict[tuple[int, int, int], int] = {}
-        """sysid, compid, link id -> latest timestamp."""
 
     def verify(self, frame: Frame) -> bool:
         """Whether a frame that came may be taken."""
@@ -99,15 +116,16 @@ class Signing:
             return False
         timestamp = int.from_bytes(body[-TIMESTAMP_BYTES:], "little")
         sender = (frame.sysid, frame.compid, raw[-SIGNATURE_BYTES])
-        oldest = self._heard.get(sender, max(self._latest, self._now()) - OLDEST_UNITS)
+        heard = self.heard
+        oldest = heard.by_sender.get(sender, max(heard.latest, self._now()) - OLDEST_UNITS)
         if timestamp <= oldest:
             self.counters.old += 1
             return False
-        if len(self._heard) >= MAX_SENDERS and sender not in self._heard:
+        if len(heard.by_sender) >= MAX_SENDERS and sender not in heard.by_sender:
             self.counters.old += 1  # to forget another would let its frames be taken twice
             return False
-        self._heard[sender] = timestamp
-        self._latest = max(self._latest, timestamp)
+        heard.by_sender[sender] = timestamp
+        heard.latest = max(heard.latest, timestamp)
         self.counters.verified += 1
         return True
 
@@ -118,10 +136,8 @@ class Signing:
             return None
         if raw[2] & INCOMPAT_SIGNED:
             return raw
-        extra = _extra_of(raw)
-        covered = raw[1:2] + bytes([raw[2] | INCOMPAT_SIGNED]) + raw[3:-CRC_BYTES]
-        frame = raw[:1] + covered + mcrf4xx(covered + extra).to_bytes(CRC_BYTES, "little")
-        self._latest = max(self._latest + 1, self._now())
+        frame = _with_flags(raw, raw[2] | INCOMPAT_SIGNED)
+        self._latest = max(self._latest + 1, self.heard.latest + 1, self._now())
         body = frame + bytes([self._link_id]) + self._latest.to_bytes(TIMESTAMP_BYTES, "little")
         self.counters.signed += 1
         return body + self._digest(body)
@@ -133,9 +149,26 @@ class Signing:
         return hashlib.sha256(self._key + body).digest()[:DIGEST_BYTES]
 
 
+def loggable(raw: bytes) -> bytes | None:
+    """A whole frame as a log may have it ("Logging" in the source): without its signature; none if it brings a key."""
+    if raw[0] != MAGIC_V2:
+        return raw
+    if raw[_ID] == SETUP_SIGNING:
+        return None
+    if raw[2] & INCOMPAT_SIGNED:
+        return _with_flags(raw[:-SIGNATURE_BYTES], raw[2] & ~INCOMPAT_SIGNED)
+    return raw
+
+
+def _with_flags(raw: bytes, incompat: int) -> bytes:
+    """A frame without a signature, with other flags, and the checksum that these need."""
+    covered = raw[1:2] + bytes([incompat]) + raw[3:-CRC_BYTES]
+    return raw[:1] + covered + mcrf4xx(covered + _extra_of(raw)).to_bytes(CRC_BYTES, "little")
+
+
 def _extra_of(raw: bytes) -> bytes:
     """The byte of a frame's message definition; of an unknown one found by its checksum."""
-    extra = CRC_EXTRA.get(int.from_bytes(raw[7:10], "little"))
+    extra = CRC_EXTRA.get(int.from_bytes(raw[_ID], "little"))
     if extra is not None:
         return extra
     covered, crc = raw[1:-CRC_BYTES], int.from_bytes(raw[-CRC_BYTES:], "little")

@@ -2,15 +2,19 @@
 
 import asyncio
 import contextlib
+import hashlib
 import os
+import time
 import tty
 
 import pytest
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
 from aps.links.kinds import udp
 from aps.links.link import Role
+from aps.wire.signing import EPOCH_UNIX_US
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 ARM = mavlink.MAVLink_command_long_message(2, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
@@ -304,3 +308,41 @@ async def test_state_is_stale_while_the_autopilot_is_away(autopilot, eventually,
         await eventually(lambda: not daemon.state.connected)
         assert daemon.state.heartbeat_age_s > 0.3
         assert daemon.statistics()["autopilot_links"] == []
+
+
+async def test_what_was_signed_counts_once_whatever_way_it_comes(
+    autopilot, make_udp_peer, eventually, tmp_path
+):
+    (tmp_path / "key").write_text("a passphrase")
+    keyed = f",key={tmp_path / 'key'}"
+    async with Daemon(config(autopilot, tlog_directory=tmp_path / "logs")) as daemon:
+        tcp = await daemon.open(f"tcp-server:127.0.0.1:0{keyed}")
+        udp_in = await daemon.open(f"udp-in:127.0.0.1:0{keyed}")
+        station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        signing = station.signing
+        signing.secret_key, signing.sign_outgoing = hashlib.sha256(b"a passphrase").digest(), True
+        signing.timestamp = time.time_ns() // 10_000 - EPOCH_UNIX_US // 10
+        raw = bytes(ARM.pack(station))
+
+        async def say_by_tcp():
+            _, writer = await asyncio.open_connection("127.0.0.1", tcp.port)
+            writer.write(raw)
+            return writer
+
+        def refused():
+            return sum(link.signing.counters.old for link in daemon.links if link.signing is not None)
+
+        writers = [await say_by_tcp()]
+        await eventually(lambda: len(autopilot.commands) == 1)
+        writers.append(await say_by_tcp())
+        peer = await make_udp_peer(("127.0.0.1", udp_in.port))
+        peer.send_raw(raw)
+        await eventually(lambda: refused() == 2)
+        for writer in writers:
+            writer.close()
+        assert len(autopilot.commands) == 1
+    (tlog,) = (tmp_path / "logs").iterdir()
+    assert raw not in tlog.read_bytes()
+    log = mavutil.mavlink_connection(str(tlog))
+    assert log.recv_match(type="COMMAND_LONG").command == 400
+    log.close()

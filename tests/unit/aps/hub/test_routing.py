@@ -208,3 +208,21 @@ def test_mistakes_of_the_caller_raise(router):
         router.add_link(ALICE)
     with pytest.raises(ValueError, match="route_expiry_ns must be positive, not 0"):
         Router(1, 191, route_expiry_ns=0)
+
+
+def test_what_is_heard_on_both_links_to_the_autopilot_is_forwarded_once(router):
+    router.add_link(SECOND, autopilot=True)
+    gimbal = attitude(5, 154)
+    assert router.route(gimbal, SECOND, 0).outcome is RoutingOutcome.BROADCAST  # heard there alone
+    assert router.route(gimbal, AUTOPILOT, 1).links == (ALICE, BOB, CAROL)
+    for frame in (gimbal, heartbeat(5, 154)):
+        assert router.route(frame, SECOND, 2) == (RoutingOutcome.STANDBY, (), True)
+    assert router.route(gimbal, SECOND, 61 * S).outcome is RoutingOutcome.BROADCAST
+
+
+def test_a_key_goes_to_its_target_and_to_nobody_else(router):
+    def key_for(system, component):
+        return frame_of(mavlink.MAVLink_setup_signing_message(system, component, bytes(32), 1), 255, 190)
+
+    assert router.route(key_for(0, 0), ALICE, 0).links == ()
+    assert router.route(key_for(5, 1), ALICE, 0).links == (AUTOPILOT,)

@@ -1,3 +1,5 @@
+import resource
+
 import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -63,6 +65,29 @@ def test_a_disk_that_refuses_is_counted_and_tried_again(tmp_path, caplog):
     writer.close()
     assert (writer.counters.lost_frames, writer.counters.frames) == (2, 1)
     assert caplog.text.count("cannot write the tlog") == 1
+
+
+def test_a_disk_that_takes_a_part_of_a_record_has_nothing_of_it(tmp_path):
+    writer = TlogWriter(tmp_path, "x", Clock())
+    frames = list(attitudes(6))
+    for raw in frames[:2]:
+        writer.write(raw)
+    (path,) = writer.paths
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, hard))
+    try:
+        for raw in frames[2:4]:
+            writer.write(raw)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    for raw in frames[4:]:
+        writer.write(raw)
+    writer.close()
+    assert (writer.counters.lost_frames, writer.counters.frames) == (2, 4)
+    log = mavutil.mavlink_connection(str(path))
+    assert [log.recv_msg().time_boot_ms for _ in range(4)] == [0, 1, 4, 5]
+    assert log.recv_msg() is None
+    log.close()
 
 
 def test_limits_are_checked(tmp_path):

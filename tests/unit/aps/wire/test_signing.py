@@ -3,6 +3,7 @@
 import hashlib
 
 import pytest
+from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v10 import ardupilotmega as v1
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -10,7 +11,7 @@ from aps.links.address import parse_address
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.wire.framer import Framer
-from aps.wire.signing import EPOCH_UNIX_US, Signing, read_key
+from aps.wire.signing import EPOCH_UNIX_US, Signing, loggable, read_key
 
 KEY = bytes(range(32))
 NOW_US = 1_790_000_000_000_000
@@ -120,3 +121,26 @@ def test_a_link_with_a_key_takes_only_what_is_signed_and_signs_what_it_sends(tmp
     assert len(signed) == len(raw) + 13
     assert [frame.raw for frame in other.receive(raw + signed, 0)] == [signed]
     assert other.statistics(0)["signing"]["unsigned"] == 1
+
+
+def test_logs_have_no_signature_and_no_key():
+    """As pymavlink reads them, with and without a definition of the message."""
+    plain = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    for raw in (attitude(peer()), unknown_to_us(attitude(peer()))):
+        told = loggable(raw)
+        assert len(told) == len(raw) - 13
+        (frame,) = frames(told)
+        assert (frame.signed, frame.payload) == (False, frames(raw)[0].payload)
+    (message,) = plain.parse_buffer(loggable(attitude(peer())))
+    assert message.roll == 0.5
+    unsigned = attitude(plain)
+    assert loggable(unsigned) == unsigned
+    for mav in (plain, peer()):
+        assert loggable(bytes(mavlink.MAVLink_setup_signing_message(7, 1, KEY, 1).pack(mav))) is None
+
+
+def unknown_to_us(raw):
+    """The same with an id of no message."""
+    covered = raw[1:7] + (54321).to_bytes(3, "little") + raw[10:-15]
+    crc = mcrf4xx(covered + b"\x07").to_bytes(2, "little")
+    return raw[:1] + covered + crc + raw[-13:]
