@@ -61,6 +61,8 @@ class ExchangeCounters:
     """Taken from clients or a record."""
     inputs_ignored: int = 0
     """Frames of clients whose input is not taken."""
+    inputs_dropped: int = 0
+    """Frames of clients that sent more than may wait until the next exchange, and cannot be made to wait (UDP)."""
     clients_paused: int = 0
     """How often a client was not read any further until the next exchange."""
     refused_writes: int = 0
@@ -296,6 +298,9 @@ class HeldDaemon(DaemonBase):
             self._inputs.closed(link.id)
             self.links.renumber(link, listener=False)
             self._inputs.opened(link.id)
+        if link in self._paused and not link.can_wait:
+            self.counters.inputs_dropped += len(frames)
+            return
         if link.id < 0:
             self.counters.inputs_ignored += len(frames)
         else:

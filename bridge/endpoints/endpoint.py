@@ -5,8 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 
+OnData = Callable[[bytes, object], None]
+"""Takes bytes, and whose they are: of one connection, say."""
 
-def _nobody(data: bytes) -> None:
+
+def _nobody(data: bytes, host: object) -> None:
     """Bytes before anybody wants them."""
 
 
@@ -21,7 +24,7 @@ class Endpoint(ABC):
         name: how it is written.
 
     Attributes:
-        on_data: called with what the host sends.
+        on_data: called with what a host sends.
         tell: called with what a user should know.
         unread_bytes: for the host, and not taken: nobody was there, or nobody read.
         connections: how often a host came.
@@ -32,7 +35,7 @@ class Endpoint(ABC):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.on_data: Callable[[bytes], None] = _nobody
+        self.on_data: OnData = _nobody
         self.tell: Callable[[str], None] = _quiet
         self.unread_bytes = 0
         self.connections = 0
@@ -45,6 +48,11 @@ class Endpoint(ABC):
         Raises:
             OSError: the port is in use, or there is no such device or address.
         """
+
+    @property
+    def hosts(self) -> int:
+        """How many may be sending now."""
+        return 1
 
     @abstractmethod
     def write(self, data: bytes) -> None:

@@ -62,7 +62,7 @@ class _Line(Endpoint):
         except OSError:
             data = b""
         if data:
-            self.on_data(data)
+            self.on_data(data, self)
         else:
             self._lost()
 

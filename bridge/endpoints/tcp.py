@@ -34,7 +34,7 @@ class _Stream(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """asyncio: bytes came."""
-        self._endpoint.on_data(data)
+        self._endpoint.on_data(data, self)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 (that it went is enough)
         """asyncio: it is gone."""
@@ -60,6 +60,11 @@ class _Tcp(Endpoint):
     def went(self, stream: _Stream) -> None:
         """It has gone."""
         self._streams.discard(stream)
+
+    @property
+    def hosts(self) -> int:
+        """Those that are connected."""
+        return len(self._streams)
 
     def write(self, data: bytes) -> None:
         """To all that are connected."""

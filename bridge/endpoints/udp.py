@@ -25,7 +25,7 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ARG002 (of one peer)
         """asyncio: a datagram came."""
-        self.on_data(data)
+        self.on_data(data, self)
 
     def error_received(self, exc: Exception) -> None:
         """asyncio: nobody listens there yet; the next datagram may arrive."""
@@ -81,7 +81,7 @@ class UdpPort(_Udp):
         if addr != self._peer:
             self._peer = addr
             self.connections += 1
-        self.on_data(data)
+        self.on_data(data, self)
 
     def write(self, data: bytes) -> None:
         """In a datagram, once somebody is known."""

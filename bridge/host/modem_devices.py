@@ -10,7 +10,7 @@ from typing import Final
 
 from aps.links.kinds.held import MAX_WRITE_BYTES, HeldLink
 from bridge.endpoints.endpoint import Endpoint
-from bridge.modem.units import LONGEST_FRAME_BYTES, unit_bytes
+from bridge.modem.units import LONGEST_FRAME_BYTES, WholeFrames, unit_bytes
 
 WAITING_MAX_BYTES: Final = 16_384
 """What may wait of a ground station that cannot wait."""
@@ -62,15 +62,17 @@ class AutopilotPort:
 
 
 class _Station:
-    """A ground station, and what of it waits for the line."""
+    """A ground station, or several behind one endpoint, and what of it waits for the line."""
 
-    def __init__(self, endpoint: Endpoint, hold_bytes: int) -> None:
-        self.endpoint, self._hold_bytes = endpoint, hold_bytes
+    def __init__(self, endpoint: Endpoint, hold_bytes: int, *, is_alone: bool) -> None:
+        self.endpoint, self._hold_bytes, self._is_alone = endpoint, hold_bytes, is_alone
         self.overrun_bytes = 0
         self._waiting = bytearray()
+        self._frames = WholeFrames()
 
-    def came(self, data: bytes) -> None:
+    def came(self, data: bytes, host: object) -> None:
         """It sends; one that can wait is not read while as much waits as the line carries in two exchanges."""
+        data = self._frames.came(data, host, is_alone=self._is_alone and self.endpoint.hosts < 2)
         if not self.endpoint.can_wait and len(self._waiting) > WAITING_MAX_BYTES:
             self.overrun_bytes += len(data)
             return
@@ -103,7 +105,8 @@ class GroundPort:
     def __init__(self, endpoints: Sequence[Endpoint], baud: int, period_ns: int) -> None:
         self._endpoints = tuple(endpoints)
         self._most_bytes = -(-baud * period_ns // (BITS_PER_BYTE * 10**9)) or NO_LINE_BYTES
-        self._stations = deque(_Station(endpoint, 2 * self._most_bytes) for endpoint in endpoints)
+        hold_bytes, is_alone = 2 * self._most_bytes, len(endpoints) < 2
+        self._stations = deque(_Station(endpoint, hold_bytes, is_alone=is_alone) for endpoint in endpoints)
         """The next in turn first."""
         self._begun = b""
         """The rest of what was taken, and is longer than what the line carried."""

@@ -7,6 +7,7 @@ goes on as it is; bytes before a start marker go on as they are. No byte is lost
 from __future__ import annotations
 
 from typing import Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 MAGIC_V1: Final = 0xFE
 MAGIC_V2: Final = 0xFD
@@ -114,6 +115,37 @@ def _cut(held: bytes) -> Unit | None:
     names_it = data[7:10] == b"\0\0\0" if is_v2 else data[5] == 0
     is_right_long = data[1] <= HEARTBEAT_BYTES if is_v2 else data[1] == HEARTBEAT_BYTES
     return Unit(data, 2 if is_v2 else 1, names_it and is_right_long)
+
+
+class WholeFrames:
+    """What several hosts send on one line, so that no frame is cut by another's.
+
+    A frame that has begun waits here for its end.
+    """
+
+    __slots__ = ("_begun",)
+
+    def __init__(self) -> None:
+        self._begun: WeakKeyDictionary[object, bytes] = WeakKeyDictionary()
+
+    def came(self, data: bytes, host: object, *, is_alone: bool) -> bytes:
+        """Take what a host sends; returns what may go on: all of it, if nobody else is there."""
+        data = self._begun.pop(host, b"") + data
+        count = len(data) if is_alone else _whole_bytes(data)
+        if count < len(data):
+            self._begun[host] = data[count:]
+        return data[:count]
+
+
+def _whole_bytes(data: bytes) -> int:
+    """How many bytes come before a frame whose end is not among them."""
+    place = 0
+    while place < len(data):
+        cut = _cut(data[place : place + LONGEST_FRAME_BYTES])
+        if cut is None:
+            return place if data[place] in (MAGIC_V1, MAGIC_V2) else len(data)
+        place += len(cut.data)
+    return place
 
 
 def unit_bytes(data: bytes) -> int:

@@ -16,6 +16,7 @@ from typing import Final
 from bridge.endpoints.endpoint import Endpoint
 from bridge.modem.pair import ENDS
 from bridge.modem.radio_link import RadioLink
+from bridge.modem.units import WholeFrames
 
 NS_PER_S: Final = 1_000_000_000
 GRAIN_NS: Final = 4_000_000
@@ -58,6 +59,7 @@ class LiveLink:
         self.lateness = Lateness()
         self.overrun_bytes = dict.fromkeys(ENDS, 0)
         """Of hosts that cannot wait, and sent more than their lines carry."""
+        self._frames = {end: WholeFrames() for end in ENDS}
         self._began_ns = 0
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
@@ -90,10 +92,11 @@ class LiveLink:
         for endpoint in self.endpoints.values():
             await endpoint.close()
 
-    def _received(self, end: int, data: bytes) -> None:
-        """The host of an end sends."""
+    def _received(self, end: int, data: bytes, host: object) -> None:
+        """A host of an end sends."""
         if self._is_closed:
             return
+        data = self._frames[end].came(data, host, is_alone=self.endpoints[end].hosts < 2)
         now_ns = self.now_ns
         waits = self.link.pair.modems[end].line_bytes
         if not self.endpoints[end].can_wait and waits > UDP_BYTES:

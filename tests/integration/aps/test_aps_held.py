@@ -305,6 +305,24 @@ async def test_flooding_client_waits_and_loses_nothing(fly, connect):
         assert len(raw) > PENDING_LIMIT_BYTES
 
 
+async def test_a_client_by_udp_that_cannot_wait_is_heard_no_further(fly, make_udp_peer, eventually):
+    async with fly(client_frames_per_s=1e6) as flight:
+        daemon = flight.daemon
+        listener = await daemon.open("udp-in:127.0.0.1:0")
+        peer = await make_udp_peer(("127.0.0.1", listener.port))
+        raw = bytes(mavlink.MAVLink_rc_channels_override_message(2, 1, *[1500] * 8).pack(peer.mav))
+        peer.send_raw(raw)
+        await eventually(lambda: daemon.links.clients)
+        while daemon.counters.inputs_dropped < 100:
+            peer.send_raw(raw)
+            await asyncio.sleep(0)
+        flight.exchange()
+        inputs = [item for items in flight.inputs.values() for item in items if item.kind == "frame"]
+        assert len(inputs) == -(-PENDING_LIMIT_BYTES // len(raw))
+        peer.send_raw(raw)
+        await eventually(lambda: daemon.statistics()["inputs_pending"])
+
+
 async def test_clients_that_come_and_go_between_exchanges_are_bounded(fly, eventually):
     async with fly(max_clients=4) as flight:
         for _ in range(10):

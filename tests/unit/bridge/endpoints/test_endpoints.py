@@ -31,7 +31,7 @@ class Seen:
         self._changed = asyncio.Event()
         endpoint.on_data, endpoint.tell = self._came, self._tell
 
-    def _came(self, data: bytes) -> None:
+    def _came(self, data: bytes, _: object) -> None:
         self.data += data
         self._changed.set()
 
@@ -249,6 +249,27 @@ async def test_a_udp_station_that_floods_leaves_one_at_tcp_its_half() -> None:
     assert await read(waits, 7) == await read_from(floods) == b"for all"
     for station in (floods, waits):
         station.close()
+    await port.close()
+
+
+async def test_clients_of_one_port_are_heard_frame_by_frame() -> None:
+    endpoint = endpoint_of("tcpin:127.0.0.1:0")
+    port = GroundPort([endpoint], 57_600, 50 * MS)
+    await port.open()
+    place = ("127.0.0.1", port_of(endpoint))
+    with socket.create_connection(place) as alice, socket.create_connection(place) as bob:
+        ours, theirs = heartbeat(sysid=1), heartbeat(sysid=2)
+        heard = b""
+        async with asyncio.timeout(LONG_S):
+            while endpoint.hosts < 2:  # noqa: ASYNC110 (nothing tells)
+                await asyncio.sleep(0)
+            for station, part in ((alice, ours[:10]), (bob, theirs), (alice, ours[10:]), (bob, theirs)):
+                station.sendall(part)
+                before = heard
+                while part != ours[:10] and heard == before:
+                    await asyncio.sleep(0)
+                    heard += port.read()
+        assert heard == theirs + ours + theirs
     await port.close()
 
 

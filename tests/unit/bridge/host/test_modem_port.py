@@ -151,7 +151,7 @@ async def test_stations_are_heard_no_faster_than_the_line_and_all_see_the_same()
     clients = Client(), Client(can_wait=False)
     port = GroundPort(clients, 57_600, 50 * MS)
     await port.open()
-    clients[0].on_data(bytes(600))
+    clients[0].on_data(bytes(600), clients[0])
     assert [client.is_held for client in clients] == [True, False]
     assert len(port.read()) == 288  # 57600 baud carry 5760 bytes a second
     assert clients[0].is_held
@@ -159,8 +159,8 @@ async def test_stations_are_heard_no_faster_than_the_line_and_all_see_the_same()
     assert not clients[0].is_held
     assert port.read() == bytes(24)
     assert port.read() == b""
-    clients[1].on_data(bytes(20_000))
-    clients[1].on_data(b"too fast")
+    clients[1].on_data(bytes(20_000), clients[1])
+    clients[1].on_data(b"too fast", clients[1])
     assert port.overrun_bytes == 8
     port.write([b"ab", b"c"])
     assert [client.heard for client in clients] == [b"abc", b"abc"]
@@ -174,13 +174,34 @@ async def test_a_station_that_cannot_wait_does_not_keep_others_from_the_line() -
     ours, theirs = heartbeat(sysid=1), heartbeat(sysid=2)
     heard = b""
     for _ in range(100):
-        floods.on_data(theirs * (400 // len(theirs)))
+        floods.on_data(theirs * (400 // len(theirs)), floods)
         while not waits.is_held:
-            waits.on_data(ours)
+            waits.on_data(ours, waits)
         heard += port.read()
     frames = [heard[at : at + len(ours)] for at in range(0, len(heard) - len(ours), len(ours))]
     assert set(frames) == {ours, theirs}, "frames of two stations are mixed up"
     assert frames.count(ours) * len(ours) > 0.49 * 5 * 5760
+
+
+async def test_a_frame_in_two_parts_stays_whole_beside_another_station() -> None:
+    alice, bob = Client(), Client()
+    port = GroundPort([alice, bob], 57_600, 50 * MS)
+    await port.open()
+    ours, theirs = heartbeat(sysid=1), heartbeat(sysid=2)
+    alice.on_data(ours + ours[:10], alice)
+    bob.on_data(theirs, bob)
+    assert port.read() == ours + theirs
+    alice.on_data(ours[10:], alice)
+    bob.on_data(b"no frame", bob)
+    assert port.read() == ours + b"no frame"
+
+
+async def test_the_parts_of_a_lone_station_are_heard_at_once() -> None:
+    client = Client()
+    port = GroundPort([client], 57_600, 50 * MS)
+    await port.open()
+    client.on_data(heartbeat()[:10], client)
+    assert port.read() == heartbeat()[:10]
 
 
 @pytest.mark.parametrize("baud", [57_600, 460_800])
@@ -192,6 +213,6 @@ async def test_a_line_is_kept_busy_by_a_station_that_waits(baud: int) -> None:
     heard = 0
     for _ in range(20):
         while not client.is_held:
-            client.on_data(bytes(1024))
+            client.on_data(bytes(1024), client)
         heard += len(port.read())
     assert heard == pytest.approx(baud / 10, abs=20)
