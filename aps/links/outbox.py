@@ -14,6 +14,7 @@ __all__ = ["DEFAULT_LIMIT_BYTES", "FrameQueue", "Outbox", "OutboxCounters"]
 
 DEFAULT_LIMIT_BYTES: Final = 256 * 1024
 """About 5000 messages, or 20 s of a busy link."""
+LEAST_QUEUE_BYTES: Final = 1024
 KERNEL_BUFFER_BYTES: Final = 32 * 1024
 """Asked of the kernel, which grants twice as much. It would buffer megabytes for a peer that does not read: minutes of
 stale telemetry."""
@@ -46,8 +47,8 @@ class FrameQueue:
     """A bounded queue of whole frames: the oldest go first when the limit is reached."""
 
     def __init__(self, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
-        if limit_bytes < 1024:
-            raise ValueError(f"an outbox needs at least 1024 bytes, not {limit_bytes}")
+        if limit_bytes < LEAST_QUEUE_BYTES:
+            raise ValueError(f"an outbox needs at least {LEAST_QUEUE_BYTES} bytes, not {limit_bytes}")
         self.limit_bytes = limit_bytes
         self.counters = OutboxCounters()
         self._open = False

@@ -14,6 +14,8 @@ from aps.timeouts import LONGEST_RETRY_S
 from bridge.endpoints.endpoint import Endpoint
 
 READ_BYTES: Final = 1024
+UNREAD_BYTES: Final = 1 << 16
+"""More than the kernel keeps for a program that does not read."""
 
 
 class _Line(Endpoint):
@@ -38,11 +40,14 @@ class _Line(Endpoint):
 
     def write(self, data: bytes) -> None:
         """What the device takes at once."""
-        written = 0
+        self.unread_bytes += len(data) - self._written(data)
+
+    def _written(self, data: bytes) -> int:
+        """Write what the device takes; gives how much that was."""
         if self._fd is not None:
             with contextlib.suppress(OSError):  # it is full, or gone: the reader finds that, too
-                written = os.write(self._fd, data)
-        self.unread_bytes += len(data) - written
+                return os.write(self._fd, data)
+        return 0
 
     def _hold(self) -> None:
         if self._fd is not None:
@@ -87,8 +92,23 @@ class PseudoTerminal(_Line):
         """Make one."""
         fd, self._other = pty.openpty()
         tty.setraw(self._other)
+        os.set_blocking(self._other, False)
         self.name = os.ttyname(self._other)
         self._begin(fd)
+
+    def write(self, data: bytes) -> None:
+        """All of it: of a device that is full the oldest gives way, for whoever opens it late."""
+        written = self._written(data)
+        if written < len(data):
+            self._forget_unread()
+            written += self._written(data[written:])
+        self.unread_bytes += len(data) - written
+
+    def _forget_unread(self) -> None:
+        if self._other is not None:
+            with contextlib.suppress(BlockingIOError):
+                while unread := os.read(self._other, UNREAD_BYTES):
+                    self.unread_bytes += len(unread)
 
     async def close(self) -> None:
         """Close both sides."""

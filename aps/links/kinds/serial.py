@@ -7,17 +7,27 @@ import contextlib
 import logging
 import os
 import termios
+import time
 import tty
+from collections.abc import Callable
 from typing import Final
 
 from aps.links.address import LinkAddress
 from aps.links.link import Link, LinkOwner
-from aps.links.outbox import FrameQueue
+from aps.links.outbox import LEAST_QUEUE_BYTES, FrameQueue
 from aps.timeouts import FIRST_RETRY_S, LONGEST_RETRY_S
+from aps.wire.framer import MAX_FRAME_BYTES
 
 __all__ = ["SerialConnector", "SerialLink"]
 
 READ_BYTES: Final = 4 * 1024
+BITS_PER_BYTE: Final = 10
+QUEUE_S: Final = 10.0
+"""So much of what the line carries may wait for it: a list of parameters, say."""
+BEHIND_S: Final = 10.0
+"""A line that has been behind for so long cannot keep up ..."""
+NEWEST_S: Final = 1.0
+"""... and until nothing waits any more, only so much of the newest is kept: else all that comes is late for good."""
 _SPEED_AT: Final = (4, 5)
 """Where ``termios.tcgetattr`` has the input and output speed."""
 
@@ -59,21 +69,36 @@ def open_serial(device: str, baud: int) -> int:
 
 
 class SerialOutbox(FrameQueue):
-    """Frames wait here while the line is busy."""
+    """Frames wait here while the line is busy.
 
-    def __init__(self, limit_bytes: int, line: int) -> None:
-        super().__init__(limit_bytes)
-        self._line = line
+    Args:
+        limit_bytes: may wait.
+        line: its file descriptor.
+        bytes_per_s: that the line carries.
+        clock_s: wall time.
+    """
+
+    def __init__(
+        self, limit_bytes: int, line: int, bytes_per_s: int, clock_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__(max(min(limit_bytes, round(QUEUE_S * bytes_per_s)), LEAST_QUEUE_BYTES))
+        self._line, self._clock_s = line, clock_s
+        self._write_bytes = max(bytes_per_s // 10, MAX_FRAME_BYTES)
+        """Handed to the system at once: what it does not take of it cannot give way any more."""
+        self._newest_bytes = round(NEWEST_S * bytes_per_s)
+        self._behind_since_s: float | None = None
+        self._cannot_keep_up = False
         self._unsent = b""
         self._waits = False
         self.admit()
 
     def flush(self) -> None:
         """Write as much as the line takes; the rest when it has room."""
+        self._look_how_far_behind()
         if self._waits or not self._open:
             return
         loop = asyncio.get_running_loop()
-        data = self._unsent or self.take(READ_BYTES)
+        data = self._unsent or self.take(self._write_bytes)
         while data:
             try:
                 data = data[os.write(self._line, data) :]
@@ -84,8 +109,22 @@ class SerialOutbox(FrameQueue):
             except OSError as error:
                 _log.debug("serial line: %s", error)  # the reader finds the same, and closes
                 return
-            data = data or self.take(READ_BYTES)
+            data = data or self.take(self._write_bytes)
         self._unsent = b""
+
+    def _look_how_far_behind(self) -> None:
+        if self._waiting_bytes <= self._newest_bytes:
+            self._behind_since_s = None
+            self._cannot_keep_up = self._cannot_keep_up and bool(self.waiting)
+            return
+        now_s = self._clock_s()
+        if self._behind_since_s is None:
+            self._behind_since_s = now_s
+        if not self._cannot_keep_up and now_s - self._behind_since_s >= BEHIND_S:
+            self._cannot_keep_up = True
+            self.counters.stalls += 1
+        if self._cannot_keep_up:
+            self._drop_oldest(self._newest_bytes)
 
     def _writable(self) -> None:
         asyncio.get_running_loop().remove_writer(self._line)
@@ -104,7 +143,8 @@ class SerialLink(Link):
     """One serial line while it is open."""
 
     def __init__(self, owner: LinkOwner, address: LinkAddress, limit_bytes: int, line: int) -> None:
-        super().__init__(str(address), SerialOutbox(limit_bytes, line), address.opening, connectionless=True)
+        outbox = SerialOutbox(limit_bytes, line, address.baud // BITS_PER_BYTE)
+        super().__init__(str(address), outbox, address.opening, connectionless=True)
         self.ended = asyncio.Event()
         self._owner, self._line = owner, line
 

@@ -92,7 +92,7 @@ class _Datagrams(asyncio.DatagramProtocol):
 class UdpSender:
     """One link to a port that is known: it is there from the start, whether anybody listens or not.
 
-    The socket is connected, so that only that peer is heard.
+    The socket is connected, so that only that peer is heard; of a broadcast address, whoever answers.
     """
 
     def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
@@ -100,6 +100,8 @@ class UdpSender:
         self._owner, self._limit_bytes = owner, limit_bytes
         self._transport: asyncio.DatagramTransport | None = None
         self._socket: socket.socket | None = None
+        self._to: Any = None
+        """Of a socket that is not connected."""
         self._link: UdpLink | None = None
         self._heard_s: float | None = None
 
@@ -124,9 +126,9 @@ class UdpSender:
             self._renew(asyncio.get_running_loop().time())
 
     async def _open(self) -> None:
-        self._socket = connection = await _connected_socket(self.address.host, self.address.port)
+        self._socket, self._to = await _socket_to(self.address.host, self.address.port)
         self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(self._received), sock=connection
+            lambda: _Datagrams(self._received), sock=self._socket
         )
         self._new_link()
 
@@ -152,7 +154,8 @@ class UdpSender:
         if self._socket is None:
             return False
         try:
-            self._socket.send(data)  # asyncio's own way costs as much again
+            # asyncio's own way costs as much again
+            _ = self._socket.send(data) if self._to is None else self._socket.sendto(data, self._to)
         except ConnectionRefusedError:
             return True  # of the datagram before: nobody listens there (yet), which UDP does not mind
         except OSError as error:
@@ -173,20 +176,26 @@ class UdpSender:
         self._end_link()
 
 
-async def _connected_socket(host: str, port: int) -> socket.socket:
+async def _socket_to(host: str, port: int) -> tuple[socket.socket, Any]:
+    """A socket that is connected; to a broadcast address one that is not, and where it is to send."""
     loop = asyncio.get_running_loop()
     places = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
     family, kind, protocol, _, place = places[0]
     connection = socket.socket(family, kind, protocol)
     try:
         connection.setblocking(False)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        connection.connect(place)
+        try:
+            connection.connect(place)
+        except PermissionError:  # what the system says of a broadcast address to who has not asked for one
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            with contextlib.suppress(OSError):  # Linux has bound it
+                connection.bind(("", 0))
+            return connection, place
     except BaseException:
         connection.close()
         raise
-    return connection
+    return connection, None
 
 
 class UdpListener:

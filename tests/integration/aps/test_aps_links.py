@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import hashlib
 import os
+import socket
 import time
 import tty
 
@@ -13,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
 from aps.links.kinds import udp
+from aps.links.kinds.serial import SerialOutbox
 from aps.links.link import Role
 from aps.wire.signing import EPOCH_UNIX_US
 
@@ -39,6 +41,19 @@ async def test_udp_out_sends_unasked_and_takes_commands(autopilot, make_udp_peer
         assert (await peer.next("ATTITUDE")).get_srcSystem() == 2
         await armed_by(peer)
     assert autopilot.armed
+
+
+async def test_whoever_hears_a_broadcast_may_answer(autopilot, eventually):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("0.0.0.0", 0))
+        station.setblocking(False)
+        async with Daemon(config(autopilot, f"udp-out:127.255.255.255:{station.getsockname()[1]}")):
+            loop = asyncio.get_running_loop()
+            data, peer = await asyncio.wait_for(loop.sock_recvfrom(station, 2000), 10)
+            assert data[0] == 0xFD
+            mav = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+            station.sendto(bytes(HEARTBEAT.pack(mav)) + bytes(ARM.pack(mav)), peer)
+            await eventually(lambda: autopilot.armed)
 
 
 async def test_udp_out_waits_for_a_peer_that_comes_later(autopilot, make_udp_peer, eventually):
@@ -176,6 +191,46 @@ async def test_serial_line_to_a_ground_station(autopilot, eventually):
         await eventually(lambda: line.count("COMMAND_ACK") >= 1)
         line.close()
         await eventually(lambda: not daemon.links.clients)
+
+
+async def test_a_serial_line_that_cannot_keep_up_gets_what_is_new_and_one_that_can_gets_all():
+    """57600 baud carry 5760 bytes a second. A list of 40 kB passes whole; of twice as much as it carries half does."""
+    adapter, device = socket.socketpair()  # of which the system keeps little, as of a UART
+    for line in (adapter, device):
+        line.setblocking(False)
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    now_s, frame = 0.0, bytes(96)
+    outbox = SerialOutbox(1 << 18, device.fileno(), 5760, lambda: now_s)
+
+    async def second(frames):
+        """Ten ticks, in which the line carries what it can."""
+        nonlocal now_s
+        for _ in range(10):
+            now_s += 0.1
+            outbox.put_all([frame] * frames, 96 * frames)
+            outbox.flush()
+            with contextlib.suppress(BlockingIOError):
+                adapter.recv(576)
+            await asyncio.sleep(0)  # for the loop's own look at the line
+
+    outbox.put_all([frame] * 420, 420 * 96)
+    for _ in range(8):
+        await second(0)
+    assert (outbox.counters.dropped_full, len(outbox.waiting)) == (0, 0)
+    while not outbox.counters.stalls:
+        await second(12)
+    assert now_s > 18.0
+    for _ in range(30):
+        await second(12)
+        assert 0 < sum(map(len, outbox.waiting)) <= 5760
+    while outbox.waiting:
+        await second(0)
+    dropped = outbox.counters.dropped_full
+    await second(12)
+    assert (outbox.counters.stalls, outbox.counters.dropped_full) == (1, dropped)
+    outbox.close()
+    for line in (adapter, device):
+        line.close()
 
 
 async def test_autopilot_on_a_serial_line(eventually):

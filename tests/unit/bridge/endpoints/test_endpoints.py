@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import pty
 import socket
@@ -111,6 +112,23 @@ async def test_a_pseudo_terminal_that_is_held_is_not_read_and_one_that_is_not_re
     while len(got) < written - endpoint.unread_bytes:
         got += os.read(device, 1000)
     assert set(got) == set(b"x")
+    os.close(device)
+    await endpoint.close()
+
+
+async def test_whoever_opens_a_pseudo_terminal_late_reads_the_newest() -> None:
+    endpoint = endpoint_of("pty")
+    await endpoint.open()
+    lines = [b"%07d\n" % number for number in range(20_000)]
+    for each in lines:
+        endpoint.write(each)
+    device = os.open(endpoint.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    got = b""
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            got += os.read(device, 1 << 16)
+    assert b"".join(lines).endswith(got)
+    assert 0 < len(got) == 8 * len(lines) - endpoint.unread_bytes
     os.close(device)
     await endpoint.close()
 
