@@ -7,6 +7,7 @@ counted in steps: nothing here waits.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -55,6 +56,10 @@ class KeepingAutopilot:
         self.file = packed(self.parameters)
         self.mute = set()
         """Message types that are ignored."""
+        self.lost = Counter()
+        """Of message types, how many of the next that are said do not arrive."""
+        self.acknowledges_again = False
+        """Whether the last item of an upload that is over is acknowledged again (PX4), or is an error (ArduPilot)."""
         self.skip_from_list = set()
         """Indices of parameters that the list leaves out."""
         self.read_only = set()
@@ -64,6 +69,9 @@ class KeepingAutopilot:
         self._steps = 0
 
     def say(self, message):
+        if self.lost[message.get_type()]:
+            self.lost[message.get_type()] -= 1
+            return
         self.out.append(bytes(message.pack(self.mav)))
 
     def hear(self, data):
@@ -99,6 +107,10 @@ class KeepingAutopilot:
 
     def _mission_item_int(self, message):
         if self._upload is None:
+            is_last = message.seq == len(self.items[message.mission_type]) - 1
+            again = self.acknowledges_again and is_last
+            result = mavlink.MAV_MISSION_ACCEPTED if again else mavlink.MAV_MISSION_ERROR
+            self._mission_ack_out(result, message.mission_type)
             return
         kind, count, items = self._upload
         if message.seq != len(items):

@@ -76,6 +76,89 @@ def test_what_comes_late_of_the_upload_before_is_no_end_of_this_one(count):
     assert len(bench.autopilot.items[2]) == count
 
 
+def lose_ends(bench, times):
+    """Lose the acknowledgements of the next uploads that the autopilot has whole; it counts these as ``ends``."""
+    accept, bench.autopilot.ends = bench.autopilot._close, 0
+
+    def close():
+        bench.autopilot.ends += 1
+        bench.autopilot.lost["MISSION_ACK"] = int(bench.autopilot.ends <= times)
+        accept()
+
+    bench.autopilot._close = close
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize(("kind", "number"), [("mission", 0), ("fence", 1), ("rally", 2)])
+@pytest.mark.parametrize("mav_autopilot", [3, 12])
+def test_an_upload_whose_acknowledgement_alone_is_lost_is_reached(mav_autopilot, kind, number, count):
+    bench = Bench(mav_autopilot=mav_autopilot)
+    bench.autopilot.acknowledges_again = mav_autopilot == 12
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    items = [MissionItem(5100, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 30.0))] * count
+    result = bench.run("mission_upload", items, kind=kind)
+    assert (result.outcome, result.value) == (Outcome.REACHED, count)
+    kept = [item.seq for item in bench.autopilot.items[number]]
+    assert kept == list(range(count + (kind == "mission" and mav_autopilot == 3)))
+    # PX4 has but to acknowledge again. A single item is no end of a list for certain: the count is repeated there.
+    assert len(bench.heard("MISSION_COUNT")) == (1 if mav_autopilot == 12 and count > 1 else 2)
+    assert [progress.phase for progress in bench.progress].count("accepted") <= 1
+    assert bench.now_ns < 1.3e9  # one time-out of 1 s
+
+
+def test_an_error_to_an_item_that_came_in_time_is_a_refusal():
+    bench = Bench()
+    bench.autopilot._close = lambda: bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, 0)
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 1
+
+
+def test_a_refusal_that_is_lost_is_one_the_second_time():
+    bench = Bench()
+
+    def close():
+        bench.autopilot._upload = None
+        bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, 0)
+
+    bench.autopilot._close = close
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 2
+
+
+def test_answers_to_items_that_were_said_twice_are_no_refusal_of_the_upload_that_was_begun_anew():
+    """What the autopilot says comes 2.5 s late: the last item was said three times before anything of it is known."""
+    bench = Bench()
+    lose_ends(bench, 1)
+    waiting, carry = [], bench.from_autopilot.carry
+
+    def delayed(raw):
+        waiting.append((bench.now_ns + 2_500_000_000, raw))
+        return b""
+
+    bench.from_autopilot.carry = delayed
+    results = []
+    bench.commands.start("mission_upload", ITEMS[:3], on_done=results.append)
+    while not results:
+        bench.step()
+        while waiting and waiting[0][0] <= bench.now_ns:
+            for frame in Framer().receive(carry(waiting.pop(0)[1])):
+                bench.vehicle.receive(frame, bench.now_ns)
+    assert (results[0].outcome, results[0].value) == (Outcome.REACHED, 3)
+    assert bench.autopilot.ends == 2
+
+
+def test_an_upload_whose_acknowledgement_is_always_lost_is_begun_three_times_and_times_out():
+    bench = Bench()
+    lose_ends(bench, 99)
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert result.outcome is Outcome.TIMED_OUT
+    assert result.reason == "no answer after 8 tries (mission: 4 of 4 items sent)"
+    assert len(bench.heard("MISSION_COUNT")) == 3
+
+
 @pytest.mark.parametrize(("kind", "number"), [("fence", 1), ("rally", 2)])
 def test_fence_and_rally_have_no_home(kind, number):
     bench = Bench()
