@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aps.timeouts import TRANSFER_TIMEOUTS_S
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
 from aps.vehicle.telemetry import VehicleState
@@ -134,6 +135,7 @@ class UploadExecution(_Transfer):
         super().__init__("mission_upload", state.sysid, kind)
         self._first = first_seq(self._kind, state.autopilot)
         self._items = [_home(state)] * self._first + list(items)
+        self._zero_is_here = autopilot_of(state.autopilot).zero_is_here
         self._count = mavlink.MAVLink_mission_count_message(
             self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
         )
@@ -180,7 +182,10 @@ class UploadExecution(_Transfer):
         first_time = seq >= self._sent
         self._sent = max(self._sent, seq + 1)
         self._repeats += self._all_sent and not first_time
-        self._say(self._items[seq].to_message(self._sysid, seq, self._kind, current=seq == 0), now_ns)
+        message = self._items[seq].to_message(
+            self._sysid, seq, self._kind, current=seq == 0, zero_is_here=self._zero_is_here
+        )
+        self._say(message, now_ns)
         if first_time and (self._sent % FEEDBACK_ITEMS == 0 or self._all_sent):
             self._tell()
         elif first_time and self._sent == 1 and self._beginnings == 1:

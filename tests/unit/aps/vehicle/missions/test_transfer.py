@@ -1,3 +1,4 @@
+import json
 import math
 
 import pytest
@@ -235,6 +236,38 @@ def test_messages_for_other_stations_are_not_ours():
     assert ends == []
 
 
+LAND_HERE = MissionItem(21, (0.0, 0.0, 0.0, 0.0, math.nan, math.nan, 0.0))
+
+
+@pytest.mark.parametrize(("mav_autopilot", "x"), [(3, 0), (12, 2**31 - 1), (0, 2**31 - 1)])
+def test_a_place_that_is_not_given_is_sent_as_the_autopilot_takes_it(mav_autopilot, x):
+    """0, 0 is for ArduPilot where it is, and INT32_MAX no latitude."""
+    bench = Bench(mav_autopilot=mav_autopilot)
+    assert bench.run("mission_upload", [*ITEMS[:1], LAND_HERE]).value == 2
+    last = bench.autopilot.items[0][-1]
+    assert (last.command, last.x, last.y) == (21, x, x)
+
+
+@pytest.mark.parametrize("none", [2**31 - 1, -(2**31)])
+@pytest.mark.parametrize(("command", "frame"), [(21, 3), (21, 6), (21, 1), (2000, 2)])
+def test_a_list_is_downloaded_whose_items_give_no_place(command, frame, none):
+    """INT32_MAX says so; INT32_MIN is QGroundControl's."""
+    bench = Bench(mav_autopilot=12)
+    item = mavlink.MAVLink_mission_item_int_message(
+        7, 1, 0, frame, command, 0, 1, 0, 0, 0, 0, none, none, 0, 0
+    )
+    bench.autopilot.items[0] = [item]
+    (found,) = bench.run("mission_download").value
+    assert found["params"] == [0.0, 0.0, 0.0, 0.0, None, None, 0.0]
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_number_that_says_that_none_is_given_is_none_to_give():
+    with pytest.raises(ValueError, match="more than MAVLink can carry"):
+        MissionItem(183, (0.0, 0.0, 0.0, 0.0, 2**31 - 1, 0.0, 0.0), frame=2)
+    MissionItem(183, (0.0, 0.0, 0.0, 0.0, 2**31 - 2, 0.0, 0.0), frame=2)
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -267,6 +300,9 @@ def test_mistakes_of_the_caller_raise(arguments, text):
         MissionItem(16, (0.0, 0.0, 0.0, 0.0, 12.5, -7.25, -3.0), frame=1),
         MissionItem(203, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0), frame=2),
         MissionItem(177, (2.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0), autocontinue=False),
+        MissionItem(21, (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, 0.0)),
+        MissionItem(21, (0.0, 0.0, 0.0, math.nan, math.nan, 8.5, 0.0)),
+        MissionItem(2000, (0.0, 0.0, 1.0, 0.0, math.nan, math.nan, math.nan), frame=2),
     ],
 )
 def test_an_item_is_the_same_after_message_and_json(item):
