@@ -158,7 +158,7 @@ class UploadExecution(_Transfer):
         if self._may_be_late:
             self._counted_again = True
             return self._count
-        self._repeats += self._all_sent
+        self._repeats += 0 < self._sent == len(self._items)
         return super()._repeated()
 
     @property

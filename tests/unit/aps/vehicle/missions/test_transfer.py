@@ -89,6 +89,16 @@ def lose_ends(bench, times):
     bench.autopilot._close = close
 
 
+def refuse_ends(bench, kind=0):
+    """Have the autopilot answer with an error to each upload that it has whole."""
+
+    def close():
+        bench.autopilot._upload = None
+        bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, kind)
+
+    bench.autopilot._close = close
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 @pytest.mark.parametrize(("kind", "number"), [("mission", 0), ("fence", 1), ("rally", 2)])
 @pytest.mark.parametrize("mav_autopilot", [3, 12])
@@ -109,20 +119,24 @@ def test_an_upload_whose_acknowledgement_alone_is_lost_is_reached(mav_autopilot,
 
 def test_an_error_to_an_item_that_came_in_time_is_a_refusal():
     bench = Bench()
-    bench.autopilot._close = lambda: bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, 0)
+    refuse_ends(bench)
     result = bench.run("mission_upload", ITEMS[:3])
     assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
     assert len(bench.heard("MISSION_COUNT")) == 1
 
 
+def test_an_error_to_the_count_of_an_empty_list_that_came_again_is_a_refusal():
+    bench = Bench()
+    refuse_ends(bench, kind=1)
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    result = bench.run("mission_upload", [], kind="fence")
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 2
+
+
 def test_a_refusal_that_is_lost_is_one_the_second_time():
     bench = Bench()
-
-    def close():
-        bench.autopilot._upload = None
-        bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, 0)
-
-    bench.autopilot._close = close
+    refuse_ends(bench)
     bench.autopilot.lost["MISSION_ACK"] = 1
     result = bench.run("mission_upload", ITEMS[:3])
     assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
