@@ -70,7 +70,10 @@ def _add_plan(app: FastAPI, lists: _Lists) -> None:
         state = lists.backend.state()
         found = {kind: await lists.download(kind) for kind in KINDS}
         plan = FlightPlan(found["mission"], found["fence"], found["rally"], lists.home())
-        text = write_plan(plan, state.vehicle_type, state.autopilot)
+        try:
+            text = write_plan(plan, state.vehicle_type, state.autopilot)
+        except ValueError as error:  # the autopilot has what no plan can hold
+            raise HTTPException(409, str(error)) from error
         return PlainTextResponse(text, media_type="application/json")
 
     @app.put(

@@ -21,6 +21,7 @@ class OtherStack:
 
     name = "another autopilot"
     home_is_an_item = False
+    zero_is_here = False
     bytewise_parameters = False
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {

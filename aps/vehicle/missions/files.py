@@ -1,6 +1,7 @@
 """Files of missions: QGroundControl's .plan (JSON) and the waypoint files of MAVProxy and Mission Planner.
 
-A .plan has mission, fence and rally points, a waypoint file a mission only. Home, which both have, is no item.
+A .plan has mission, fence and rally points, a waypoint file a mission only. Home, which both have, is no item. What an
+item does not give is null in a .plan, and 0 in a waypoint file.
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html, https://mavlink.io/en/file_formats/)
 """
 
@@ -58,7 +59,7 @@ def read_waypoints(text: str) -> FlightPlan:
             raise ValueError(f"line {number}: {error}") from error
     if not rows:
         return FlightPlan()
-    home = rows[0].params[4:]
+    home: Any = _or_0(rows[0].params[4:])
     return FlightPlan(mission=rows[1:], home=home if any(home) else None)
 
 
@@ -71,13 +72,16 @@ def _row(words: list[str], seq: int) -> MissionItem:
     return MissionItem(int(words[3]), params, int(words[2]), words[11] != "0")  # type: ignore[arg-type]
 
 
+def _or_0(values: Sequence[float]) -> tuple[float, ...]:
+    return tuple(0.0 if math.isnan(value) else value for value in values)
+
+
 def write_waypoints(mission: Sequence[MissionItem], home: Place = (0.0, 0.0, 0.0)) -> str:
     """Text of a waypoint file, as MAVProxy, Mission Planner and QGroundControl read it."""
     first = MissionItem(int(mavlink.MAV_CMD_NAV_WAYPOINT), (0.0, 0.0, 0.0, 0.0, *home), frame=0)
     lines = [WAYPOINT_HEADER]
     for seq, item in enumerate([first, *mission]):
-        values = (0.0 if math.isnan(value) else value for value in item.params)
-        numbers = "\t".join(f"{value:.8f}" for value in values)
+        numbers = "\t".join(f"{value:.8f}" for value in _or_0(item.params))
         lines.append(
             f"{seq}\t{int(seq == 0)}\t{item.frame}\t{item.command}\t{numbers}\t{int(item.autocontinue)}"
         )
@@ -198,9 +202,9 @@ def write_plan(plan: FlightPlan, vehicle_type: int = 2, autopilot: int = 3) -> s
         autopilot: MAV_AUTOPILOT.
 
     Raises:
-        ValueError: the fence has an item that a plan cannot hold.
+        ValueError: the fence or the rally points have an item that a plan cannot hold.
     """
-    home = plan.home or next((item.params[4:] for item in plan.mission if item.is_global), (0.0, 0.0, 0.0))
+    home = plan.home or next((item.params[4:] for item in plan.mission if item.is_placed), (0.0, 0.0, 0.0))
     content = {
         "fileType": "Plan",
         "version": 1,
@@ -212,11 +216,14 @@ def write_plan(plan: FlightPlan, vehicle_type: int = 2, autopilot: int = 3) -> s
             "cruiseSpeed": 15,
             "hoverSpeed": 5,
             "globalPlanAltitudeMode": 1,
-            "plannedHomePosition": list(home),
+            "plannedHomePosition": list(_or_0(home)),
             "items": [_simple(item, number) for number, item in enumerate(plan.mission, 1)],
         },
         "geoFence": {"version": 2} | _fence_json(plan.fence),
-        "rallyPoints": {"version": 2, "points": [list(item.params[4:]) for item in plan.rally]},
+        "rallyPoints": {
+            "version": 2,
+            "points": [_numbers(list(item.params[4:]), 3, "a rally point") for item in plan.rally],
+        },
     }
     return json.dumps(content, indent=4, allow_nan=False) + "\n"
 
@@ -240,16 +247,17 @@ def _fence_json(fence: Sequence[MissionItem]) -> dict[str, Any]:
     left = 0
     for item in fence:
         if item.command == _RETURN_POINT:
-            content["breachReturn"] = list(item.params[4:])
+            content["breachReturn"] = _numbers(list(item.params[4:]), 3, "the return point of a fence")
         elif item.command in (_VERTEX_IN, _VERTEX_OUT):
             if left == 0:
                 left = int(item.params[0])
                 inclusion = item.command == _VERTEX_IN
                 polygons.append({"version": 1, "inclusion": inclusion, "path": []})
-            polygons[-1]["path"].append(list(item.params[4:6]))
+            polygons[-1]["path"].append(_numbers(list(item.params[4:6]), 2, "a vertex"))
             left = max(0, left - 1)
         elif item.command in (_CIRCLE_IN, _CIRCLE_OUT):
-            circle = {"center": list(item.params[4:6]), "radius": item.params[0]}
+            centre = _numbers(list(item.params[4:6]), 2, "the centre of a circle")
+            circle = {"center": centre, "radius": item.params[0]}
             circles.append({"version": 1, "inclusion": item.command == _CIRCLE_IN, "circle": circle})
         else:
             raise ValueError(f"command {item.command} is no part of a fence")

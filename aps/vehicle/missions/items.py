@@ -31,7 +31,10 @@ _LOCAL: Final = frozenset({1, 4, 7, 8, 9, 12, 20, 21})
 """MAV_FRAMEs in metres."""
 DEGREES: Final = 1e7
 TENTHS_OF_MM: Final = 1e4
-_INT32_MAX: Final = (1 << 31) - 1
+NOT_GIVEN: Final = (1 << 31) - 1
+"""INT32_MAX as MISSION_ITEM_INT's x or y: none is given (common.xml)."""
+_NONE_GIVEN: Final = frozenset({NOT_GIVEN, -(1 << 31)})
+"""QGroundControl sends INT32_MIN for the NaN of its plans, and PX4 takes it likewise (PX4-Autopilot #28079)."""
 _FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
 """What the four bytes of a parameter can hold."""
 
@@ -69,7 +72,7 @@ class MissionItem:
             )
         if self.is_global and not (abs(self._or_0(4)) <= 90.0 and abs(self._or_0(5)) <= 180.0):
             raise ValueError(f"{self.params[4]}, {self.params[5]} is no latitude and longitude")
-        if max(abs(self._or_0(4)), abs(self._or_0(5))) * self._scale > _INT32_MAX:
+        if round(max(abs(self._or_0(4)), abs(self._or_0(5))) * self._scale) >= NOT_GIVEN:
             raise ValueError(f"{self.params[4]}, {self.params[5]} is more than MAVLink can carry")
 
     @classmethod
@@ -132,8 +135,15 @@ class MissionItem:
         value = self.params[index]
         return 0.0 if math.isnan(value) else value
 
-    def to_message(self, sysid: int, seq: int, kind: int, *, current: bool = False) -> Any:
-        """MISSION_ITEM_INT to the autopilot of a system."""
+    def _whole(self, index: int, none: int) -> int:
+        value = self.params[index]
+        return none if math.isnan(value) else round(value * self._scale)
+
+    def to_message(
+        self, sysid: int, seq: int, kind: int, *, current: bool = False, zero_is_here: bool = False
+    ) -> Any:
+        """MISSION_ITEM_INT to the autopilot of a system; ``zero_is_here``: a place that is not given is 0, 0 to it."""
+        none = 0 if zero_is_here else NOT_GIVEN
         return mavlink.MAVLink_mission_item_int_message(
             sysid,
             AUTOPILOT_COMPID,
@@ -143,8 +153,8 @@ class MissionItem:
             int(current),
             int(self.autocontinue),
             *self.params[:4],
-            round(self._or_0(4) * self._scale),
-            round(self._or_0(5) * self._scale),
+            self._whole(4, none),
+            self._whole(5, none),
             self.params[6],
             kind,
         )
@@ -161,7 +171,8 @@ class MissionItem:
         if has_location(command):
             scale = DEGREES if frame in _GLOBAL else TENTHS_OF_MM if frame in _LOCAL else 1.0
         first = [float(fields[f"param{n}"]) for n in range(1, 5)]
-        params = (*first, fields["x"] / scale, fields["y"] / scale, float(fields["z"]))
+        place = (math.nan if fields[name] in _NONE_GIVEN else fields[name] / scale for name in ("x", "y"))
+        params: Any = (*first, *place, float(fields["z"]))
         return cls(command, params, frame, bool(fields["autocontinue"]))
 
 

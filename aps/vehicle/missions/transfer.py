@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aps.timeouts import TRANSFER_TIMEOUTS_S
+from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
 from aps.vehicle.telemetry import VehicleState
@@ -33,6 +34,9 @@ _ACCEPTED: Final = int(mavlink.MAV_MISSION_ACCEPTED)
 _DENIED: Final = int(mavlink.MAV_MISSION_DENIED)
 _CANCELLED: Final = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
 _SEQUENCE: Final = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
+_ERROR: Final = int(mavlink.MAV_MISSION_ERROR)
+MAX_BEGINNINGS: Final = 3
+"""How often an upload is begun whose acknowledgement is lost each time."""
 
 
 def kind_number(kind: str) -> int:
@@ -131,22 +135,40 @@ class UploadExecution(_Transfer):
         super().__init__("mission_upload", state.sysid, kind)
         self._first = first_seq(self._kind, state.autopilot)
         self._items = [_home(state)] * self._first + list(items)
+        self._zero_is_here = autopilot_of(state.autopilot).zero_is_here
         self._count = mavlink.MAVLink_mission_count_message(
             self._sysid, AUTOPILOT_COMPID, len(self._items), self._kind
         )
         self._counted_again = False
+        self._beginnings = 0
         self._sent = 0
         """Items that the autopilot has asked for."""
+        self._repeats = 0
+        """Items said again when all had been sent, whose answer may still come."""
 
     def _begin(self, state: VehicleState, now_ns: int) -> None:  # noqa: ARG002
+        self._offer(now_ns)
+
+    def _offer(self, now_ns: int) -> None:
+        self._beginnings += 1
+        self._sent = 0
         self._say(self._count, now_ns)
 
     def _repeated(self) -> Any:
+        if self._may_be_late:
+            self._counted_again = True
+            return self._count
+        self._repeats += 0 < self._sent == len(self._items)
+        return super()._repeated()
+
+    @property
+    def _may_be_late(self) -> bool:
         """A late request, of a transfer before, may have asked for the first item: the count, once more."""
-        if self._sent != 1 or self._counted_again:
-            return super()._repeated()
-        self._counted_again = True
-        return self._count
+        return self._sent == 1 and not self._counted_again
+
+    @property
+    def _all_sent(self) -> bool:
+        return self._sent == len(self._items)
 
     def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
         if name not in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):
@@ -159,10 +181,14 @@ class UploadExecution(_Transfer):
             return
         first_time = seq >= self._sent
         self._sent = max(self._sent, seq + 1)
-        self._say(self._items[seq].to_message(self._sysid, seq, self._kind, current=seq == 0), now_ns)
-        if first_time and (self._sent % FEEDBACK_ITEMS == 0 or self._sent == len(self._items)):
+        self._repeats += self._all_sent and not first_time
+        message = self._items[seq].to_message(
+            self._sysid, seq, self._kind, current=seq == 0, zero_is_here=self._zero_is_here
+        )
+        self._say(message, now_ns)
+        if first_time and (self._sent % FEEDBACK_ITEMS == 0 or self._all_sent):
             self._tell()
-        elif first_time and self._sent == 1:
+        elif first_time and self._sent == 1 and self._beginnings == 1:
             self.tell("accepted", "accepted by the autopilot", done=0, total=len(self._items) - self._first)
 
     def _tell(self) -> None:
@@ -171,10 +197,26 @@ class UploadExecution(_Transfer):
 
     def _on_ack(self, result: int, now_ns: int) -> None:
         if result == _ACCEPTED:
-            if self._sent == len(self._items) and now_ns > self._said_ns:  # else it is late, of one before
+            if self._all_sent and now_ns > self._said_ns:  # else it is late, of one before
                 self.end(Outcome.REACHED, value=len(self._items) - self._first)
+        elif result == _ERROR and (self._may_be_late or self._repeats):
+            self._not_expected(now_ns)
         elif result != _SEQUENCE:  # the answer to an item that came twice: it asks again for the one it wants
             self._refused(result)
+
+    def _not_expected(self, now_ns: int) -> None:
+        """No refusal for certain: the autopilot was not receiving when an item came, so it is offered the list anew.
+
+        Either it had not heard the count, or it has them all, and how it took them was lost. (ArduPilot,
+        GCS_MAVLINK::handle_mission_item. PX4 acknowledges the last item again, MavlinkMissionManager.)
+        """
+        if self._may_be_late:
+            self._counted_again = True
+            self._offer(now_ns)
+            return
+        self._repeats -= 1
+        if self._all_sent and self._beginnings < MAX_BEGINNINGS:
+            self._offer(now_ns)
 
     def _progress(self) -> str:
         return f"{self._words}: {self._sent} of {len(self._items)} items sent"

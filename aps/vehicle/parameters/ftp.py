@@ -1,7 +1,10 @@
 """Reading a file of the autopilot over MAVLink FTP, and its packed list of all parameters. No I/O, no clock.
 
 The file is opened, read in bursts, and closed; what is missing of a burst is asked for again. A NAK with the code for
-"end of file" ends it. (https://mavlink.io/en/services/ftp.html; the packed list: ArduPilot, AP_Filesystem_Param.cpp)
+"end of file" ends it. A request that was not answered is repeated with its sequence number, and the autopilot repeats
+its answer: it does not open a file twice. The pieces of a burst are numbered on from their request, and the number of
+the next request is beyond them. (https://mavlink.io/en/services/ftp.html, ArduPilot's GCS_FTP.cpp; the packed list:
+AP_Filesystem_Param.cpp)
 """
 
 from __future__ import annotations
@@ -27,6 +30,8 @@ _HEADER: Final = struct.Struct("<HBBBBBxI")
 _TERMINATE, _OPEN_RO, _BURST = 1, 4, 15
 _ACK, _NAK = 128, 129
 _END_OF_FILE: Final = 6
+_SEQ_MASK: Final = 0xFFFF
+_NS_PER_MS: Final = 1_000_000
 _ERRORS: Final = {
     1: "failed",
     2: "failed with an error of its file system",
@@ -59,7 +64,10 @@ class ReadExecution(Execution):
             raise ValueError(f"path {path!r} must have 1 to {DATA_BYTES} bytes")
         self._sysid, self._path = state.sysid, path
         self._name = name
-        self._seq = 0
+        self._seq: int | None = None
+        """Of our last request, or of the last answer to it."""
+        self._asked: Any = None
+        """The request that nothing has answered yet."""
         self._session: int | None = None
         self._content = bytearray()
         self._holes: dict[int, bytes] = {}
@@ -82,9 +90,16 @@ class ReadExecution(Execution):
             self._tries += 1
         if self.result is not None:
             return self._parting
+        if self._asked is None:
+            self._asked = self._request(now_ns)
+        return [self._asked]
+
+    def _request(self, now_ns: int) -> Any:
+        if self._seq is None:  # not that of a transfer before, whose answer the autopilot may still keep
+            self._seq = now_ns // _NS_PER_MS & _SEQ_MASK
         if self._session is None:
-            return [self._message(_OPEN_RO, 0, 0, self._name)]
-        return [self._message(_BURST, self._session, len(self._content), b"", DATA_BYTES)]
+            return self._message(_OPEN_RO, 0, 0, self._name)
+        return self._message(_BURST, self._session, len(self._content), b"", DATA_BYTES)
 
     def poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         """As of every execution; at the end it closes the file."""
@@ -101,7 +116,7 @@ class ReadExecution(Execution):
 
     def _message(self, opcode: int, session: int, offset: int, data: bytes, size: int | None = None) -> Any:
         size = len(data) if size is None else size
-        self._seq = (self._seq + 1) & 0xFFFF
+        self._seq = ((self._seq or 0) + 1) & _SEQ_MASK
         payload = _HEADER.pack(self._seq, session, opcode, size, 0, 0, offset) + data
         return mavlink.MAVLink_file_transfer_protocol_message(
             0, self._sysid, AUTOPILOT_COMPID, list(payload.ljust(_HEADER.size + DATA_BYTES, b"\0"))
@@ -117,13 +132,20 @@ class ReadExecution(Execution):
         if name != "FILE_TRANSFER_PROTOCOL" or self.result is not None:
             return
         payload = bytes(fields["payload"])
-        _, session, opcode, size, asked, complete, offset = _HEADER.unpack_from(payload)
+        seq, session, opcode, size, asked, complete, offset = _HEADER.unpack_from(payload)
         data = payload[_HEADER.size : _HEADER.size + size]
         if self._session is None:
             if asked == _OPEN_RO:
+                self._answered(seq)
                 self._opened(opcode, session, data)
         elif asked == _BURST and session == self._session:
+            self._answered(seq)
             self._burst(opcode, bool(complete), offset, data, now_ns)
+
+    def _answered(self, seq: int) -> None:
+        self._asked = None
+        if self._seq is not None and (seq - self._seq & _SEQ_MASK) <= _SEQ_MASK // 2:  # else it is late
+            self._seq = seq
 
     def _opened(self, opcode: int, session: int, data: bytes) -> None:
         if opcode == _NAK:

@@ -227,6 +227,24 @@ async def test_plans_and_waypoint_files_up_and_down(call, keeping):
     assert (status, reply["detail"]) == (422, "line 2: 12 columns are expected, not 1")
 
 
+async def test_places_that_are_not_given_in_files(call, keeping):
+    """The autopilot keeps what others gave it: null in a plan's mission, and no fence or rally point of one."""
+
+    def nowhere(command, kind):
+        head = (1, 1, int(kind == 0), 3, command, 0, 1, 0, 0, 0, 0)
+        return mavlink.MAVLink_mission_item_int_message(*head, 2**31 - 1, 2**31 - 1, 20, kind)
+
+    await call("PUT", "/plan", PLAN)
+    keeping.items[0][1] = nowhere(21, 0)
+    status, plan = await call("GET", "/plan")
+    assert (status, plan["mission"]["items"][0]["params"][4:]) == (200, [None, None, 20])
+    status, text = await call("GET", "/waypoints")
+    assert (status, text.splitlines()[2].split()[8:10]) == (200, ["0.00000000", "0.00000000"])
+    keeping.items[2][0] = nowhere(5100, 2)
+    status, reply = await call("GET", "/plan")
+    assert (status, reply["detail"][:45]) == (409, "a rally point has 3 numbers that are finite, ")
+
+
 async def test_parameters_as_files(call, keeping):
     _, text = await call("GET", "/parameters")
     assert text.split() == ["RTL_ALT", "1500", "WPNAV_SPEED", "500"]

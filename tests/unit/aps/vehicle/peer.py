@@ -7,6 +7,7 @@ counted in steps: nothing here waits.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -18,6 +19,8 @@ SYSID, OURS = 7, 191
 STEP_NS = 10_000_000
 RETRY_STEPS = 100
 """Steps without an answer after which the autopilot asks again for an item: 1 s."""
+IDLE_STEPS = 300
+"""Steps after which a file that nobody reads may be closed for another one: 3 s."""
 
 
 class LossyLink:
@@ -53,17 +56,28 @@ class KeepingAutopilot:
         self.parameters = dict(parameters)
         self.ftp = ftp
         self.file = packed(self.parameters)
+        self._file_used = None
+        """Step at which the file that is open was last used, or ``None``."""
+        self._answer = None
+        """The last answer about a file: it comes again if its request does."""
         self.mute = set()
         """Message types that are ignored."""
+        self.lost = Counter()
+        """Of message types, how many of the next that are said do not arrive."""
+        self.acknowledges_again = False
+        """Whether the last item of an upload that is over is acknowledged again (PX4), or is an error (ArduPilot)."""
         self.skip_from_list = set()
         """Indices of parameters that the list leaves out."""
         self.read_only = set()
         self.busy_with = None
         """(system, component) of another uploader."""
         self._upload = None
-        self._steps = 0
+        self._steps = self._time = 0
 
     def say(self, message):
+        if self.lost[message.get_type()]:
+            self.lost[message.get_type()] -= 1
+            return
         self.out.append(bytes(message.pack(self.mav)))
 
     def hear(self, data):
@@ -77,6 +91,7 @@ class KeepingAutopilot:
 
     def step(self):
         self._steps += 1
+        self._time += 1
         if self._upload is not None and self._steps % RETRY_STEPS == 0:
             self._ask()
 
@@ -99,6 +114,10 @@ class KeepingAutopilot:
 
     def _mission_item_int(self, message):
         if self._upload is None:
+            is_last = message.seq == len(self.items[message.mission_type]) - 1
+            again = self.acknowledges_again and is_last
+            result = mavlink.MAV_MISSION_ACCEPTED if again else mavlink.MAV_MISSION_ERROR
+            self._mission_ack_out(result, message.mission_type)
             return
         kind, count, items = self._upload
         if message.seq != len(items):
@@ -170,9 +189,16 @@ class KeepingAutopilot:
         payload = bytes(message.payload)
         seq, session, opcode, size, _, _, offset = struct.unpack_from("<HBBBBBxI", payload)
         name = payload[12 : 12 + size]
-        if opcode == 4 and name == b"@PARAM/param.pck":
+        if self._answer is not None and (seq + 1) & 0xFFFF == self._answer[0]:
+            self._reply(self._answer[0] - 1, *self._answer[1:])
+            return
+        used, self._file_used = self._file_used, self._time
+        if opcode == 4 and used is not None and self._time - used <= IDLE_STEPS:
+            self._reply(seq, 0, 129, opcode, 0, bytes([1]))  # one file at a time
+        elif opcode == 4 and name == b"@PARAM/param.pck":
             self._reply(seq, 3, 128, opcode, 0, struct.pack("<I", len(self.file)))
         elif opcode == 4:
+            self._file_used = None
             self._reply(seq, 0, 129, opcode, 0, bytes([10]))
         elif opcode == 15 and offset >= len(self.file):
             self._reply(seq, session, 129, opcode, offset, bytes([6]))
@@ -186,9 +212,11 @@ class KeepingAutopilot:
                 if last:
                     break
         elif opcode == 1:
+            self._file_used = None
             self._reply(seq, session, 128, opcode, 0, b"")
 
     def _reply(self, seq, session, opcode, asked, offset, data, complete=False):
+        self._answer = ((seq + 1) & 0xFFFF, session, opcode, asked, offset, data, complete)
         header = struct.pack(
             "<HBBBBBxI", (seq + 1) & 0xFFFF, session, opcode, len(data), asked, complete, offset
         )

@@ -169,6 +169,27 @@ def test_items_with_numbers_that_are_none_are_not_drawn(tmp_path: Path) -> None:
     assert [item["at"] for item in content["items"]] == [[1000, 500, -100]]
 
 
+def test_an_item_that_gives_no_place_is_in_the_table_and_not_drawn(tmp_path: Path) -> None:
+    link = Link(tmp_path)
+    link.says(1.0, mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), home())
+    link.hears(2.0, mavlink.MAVLink_mission_count_message(2, 1, 3, 0))
+    places = [(16, 400_000_000, -1_050_000_000), (16, 400_010_000, -1_050_000_000), (21, *[2**31 - 1] * 2)]
+    for seq, (command, *at) in enumerate(places):
+        head = (2, 1, seq, 3, command, 0, 1, 0, 0, 0, 0)
+        link.hears(2.1, mavlink.MAVLink_mission_item_int_message(*head, *at, 30, 0))
+    link.says(2.2, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED, 0))
+    link.close()
+    log = OnboardLog(tmp_path, "1")
+    onboard = read(log)
+    log.close()
+    content = PlanDrawing(Frames(ORIGIN)).content(onboard, is_guided=False)
+    assert [item["number"] for item in content["items"]] == [1]
+    assert [(row["what"], row["latitude"], row["longitude"]) for row in plan_rows(onboard)] == [
+        ("waypoint", "40.001000", "-105.000000"),
+        ("land", "-", "-"),
+    ]
+
+
 def test_what_is_on_board_in_words(flight: Path) -> None:
     log = OnboardLog(flight, "1")
     onboard = read(log)

@@ -67,6 +67,32 @@ def test_a_plan_is_the_same_after_writing_and_reading():
     assert content["mission"]["items"][0]["params"][3] is None
 
 
+def test_items_that_give_no_place_are_null_in_a_plan_and_0_in_a_waypoint_file():
+    here = MissionItem(22, (0.0, 0.0, 0.0, 0.0, math.nan, math.nan, 20.0))
+    written = write_plan(FlightPlan([here, MISSION[1]]))
+    content = json.loads(written)["mission"]
+    assert content["items"][0]["params"] == [0.0, 0.0, 0.0, 0.0, None, None, 20.0]
+    assert content["plannedHomePosition"] == list(MISSION[1].params[4:])  # the first place there is
+    assert repr(read_plan(written).mission[0]) == repr(here)
+    assert read_waypoints(write_waypoints([here])).mission[0].params[4:] == (0.0, 0.0, 20.0)
+    nowhere = read_waypoints("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\tnan\tnan\tnan\t1\n")
+    assert nowhere.home is None
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (FlightPlan(rally=[MissionItem(5100, (0, 0, 0, 0, math.nan, 8.0, 9.0))]), "a rally point has 3 numb"),
+        (FlightPlan(fence=[MissionItem(5001, (3, 0, 0, 0, 47.0, math.nan, 0))]), "a vertex has 2 numbers"),
+        (FlightPlan(fence=[MissionItem(5003, (3, 0, 0, 0, math.nan, 8.0, 0))]), "the centre of a circle has"),
+        (FlightPlan(fence=[MissionItem(5000, (3, 0, 0, 0, 47.0, 8.0, math.nan))]), "the return point of a"),
+    ],
+)
+def test_what_is_at_no_place_is_no_part_of_a_plan(plan, message):
+    with pytest.raises(ValueError, match=message):
+        write_plan(plan)
+
+
 def test_a_waypoint_file_begins_with_home():
     text = write_waypoints(MISSION, HOME)
     lines = text.splitlines()

@@ -109,6 +109,20 @@ def test_old_clients_items_parts_of_missions_and_targets():
     assert overheard.lists == {"mission": (), "fence": (), "rally": ()}
 
 
+@pytest.mark.parametrize("none", [2**31 - 1, -(2**31)])
+def test_a_list_is_whole_whose_items_give_no_place(none):
+    overheard = Overheard()
+    say(overheard, mavlink.MAVLink_mission_count_message(SYSID, 1, 2, 0), to=True)
+    say(overheard, old_item(0, 47.0), to=True)
+    land = (SYSID, 1, 1, 3, 21, 0, 1, 0, 0, 0, 0, none, none, 0, 0)
+    say(overheard, mavlink.MAVLink_mission_item_int_message(*land), to=True)
+    say(overheard, mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED, 0), to=False)
+    assert [(item.command, item.is_placed) for item in overheard.lists["mission"]] == [
+        (16, True),
+        (21, False),
+    ]
+
+
 def test_somebody_elses_acknowledgement_ends_nothing():
     overheard = Overheard()
     say(overheard, mavlink.MAVLink_mission_count_message(SYSID, 1, 1, 0), to=True)

@@ -1,3 +1,4 @@
+import json
 import math
 
 import pytest
@@ -76,6 +77,103 @@ def test_what_comes_late_of_the_upload_before_is_no_end_of_this_one(count):
     assert len(bench.autopilot.items[2]) == count
 
 
+def lose_ends(bench, times):
+    """Lose the acknowledgements of the next uploads that the autopilot has whole; it counts these as ``ends``."""
+    accept, bench.autopilot.ends = bench.autopilot._close, 0
+
+    def close():
+        bench.autopilot.ends += 1
+        bench.autopilot.lost["MISSION_ACK"] = int(bench.autopilot.ends <= times)
+        accept()
+
+    bench.autopilot._close = close
+
+
+def refuse_ends(bench, kind=0):
+    """Have the autopilot answer with an error to each upload that it has whole."""
+
+    def close():
+        bench.autopilot._upload = None
+        bench.autopilot._mission_ack_out(mavlink.MAV_MISSION_ERROR, kind)
+
+    bench.autopilot._close = close
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize(("kind", "number"), [("mission", 0), ("fence", 1), ("rally", 2)])
+@pytest.mark.parametrize("mav_autopilot", [3, 12])
+def test_an_upload_whose_acknowledgement_alone_is_lost_is_reached(mav_autopilot, kind, number, count):
+    bench = Bench(mav_autopilot=mav_autopilot)
+    bench.autopilot.acknowledges_again = mav_autopilot == 12
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    items = [MissionItem(5100, (0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 30.0))] * count
+    result = bench.run("mission_upload", items, kind=kind)
+    assert (result.outcome, result.value) == (Outcome.REACHED, count)
+    kept = [item.seq for item in bench.autopilot.items[number]]
+    assert kept == list(range(count + (kind == "mission" and mav_autopilot == 3)))
+    # PX4 has but to acknowledge again. A single item is no end of a list for certain: the count is repeated there.
+    assert len(bench.heard("MISSION_COUNT")) == (1 if mav_autopilot == 12 and count > 1 else 2)
+    assert [progress.phase for progress in bench.progress].count("accepted") <= 1
+    assert bench.now_ns < 1.3e9  # one time-out of 1 s
+
+
+def test_an_error_to_an_item_that_came_in_time_is_a_refusal():
+    bench = Bench()
+    refuse_ends(bench)
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 1
+
+
+def test_an_error_to_the_count_of_an_empty_list_that_came_again_is_a_refusal():
+    bench = Bench()
+    refuse_ends(bench, kind=1)
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    result = bench.run("mission_upload", [], kind="fence")
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 2
+
+
+def test_a_refusal_that_is_lost_is_one_the_second_time():
+    bench = Bench()
+    refuse_ends(bench)
+    bench.autopilot.lost["MISSION_ACK"] = 1
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert len(bench.heard("MISSION_COUNT")) == 2
+
+
+def test_answers_to_items_that_were_said_twice_are_no_refusal_of_the_upload_that_was_begun_anew():
+    """What the autopilot says comes 2.5 s late: the last item was said three times before anything of it is known."""
+    bench = Bench()
+    lose_ends(bench, 1)
+    waiting, carry = [], bench.from_autopilot.carry
+
+    def delayed(raw):
+        waiting.append((bench.now_ns + 2_500_000_000, raw))
+        return b""
+
+    bench.from_autopilot.carry = delayed
+    results = []
+    bench.commands.start("mission_upload", ITEMS[:3], on_done=results.append)
+    while not results:
+        bench.step()
+        while waiting and waiting[0][0] <= bench.now_ns:
+            for frame in Framer().receive(carry(waiting.pop(0)[1])):
+                bench.vehicle.receive(frame, bench.now_ns)
+    assert (results[0].outcome, results[0].value) == (Outcome.REACHED, 3)
+    assert bench.autopilot.ends == 2
+
+
+def test_an_upload_whose_acknowledgement_is_always_lost_is_begun_three_times_and_times_out():
+    bench = Bench()
+    lose_ends(bench, 99)
+    result = bench.run("mission_upload", ITEMS[:3])
+    assert result.outcome is Outcome.TIMED_OUT
+    assert result.reason == "no answer after 8 tries (mission: 4 of 4 items sent)"
+    assert len(bench.heard("MISSION_COUNT")) == 3
+
+
 @pytest.mark.parametrize(("kind", "number"), [("fence", 1), ("rally", 2)])
 def test_fence_and_rally_have_no_home(kind, number):
     bench = Bench()
@@ -152,6 +250,38 @@ def test_messages_for_other_stations_are_not_ours():
     assert ends == []
 
 
+LAND_HERE = MissionItem(21, (0.0, 0.0, 0.0, 0.0, math.nan, math.nan, 0.0))
+
+
+@pytest.mark.parametrize(("mav_autopilot", "x"), [(3, 0), (12, 2**31 - 1), (0, 2**31 - 1)])
+def test_a_place_that_is_not_given_is_sent_as_the_autopilot_takes_it(mav_autopilot, x):
+    """0, 0 is for ArduPilot where it is, and INT32_MAX no latitude."""
+    bench = Bench(mav_autopilot=mav_autopilot)
+    assert bench.run("mission_upload", [*ITEMS[:1], LAND_HERE]).value == 2
+    last = bench.autopilot.items[0][-1]
+    assert (last.command, last.x, last.y) == (21, x, x)
+
+
+@pytest.mark.parametrize("none", [2**31 - 1, -(2**31)])
+@pytest.mark.parametrize(("command", "frame"), [(21, 3), (21, 6), (21, 1), (2000, 2)])
+def test_a_list_is_downloaded_whose_items_give_no_place(command, frame, none):
+    """INT32_MAX says so; INT32_MIN is QGroundControl's."""
+    bench = Bench(mav_autopilot=12)
+    item = mavlink.MAVLink_mission_item_int_message(
+        7, 1, 0, frame, command, 0, 1, 0, 0, 0, 0, none, none, 0, 0
+    )
+    bench.autopilot.items[0] = [item]
+    (found,) = bench.run("mission_download").value
+    assert found["params"] == [0.0, 0.0, 0.0, 0.0, None, None, 0.0]
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_number_that_says_that_none_is_given_is_none_to_give():
+    with pytest.raises(ValueError, match="more than MAVLink can carry"):
+        MissionItem(183, (0.0, 0.0, 0.0, 0.0, 2**31 - 1, 0.0, 0.0), frame=2)
+    MissionItem(183, (0.0, 0.0, 0.0, 0.0, 2**31 - 2, 0.0, 0.0), frame=2)
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -184,6 +314,9 @@ def test_mistakes_of_the_caller_raise(arguments, text):
         MissionItem(16, (0.0, 0.0, 0.0, 0.0, 12.5, -7.25, -3.0), frame=1),
         MissionItem(203, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0), frame=2),
         MissionItem(177, (2.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0), autocontinue=False),
+        MissionItem(21, (0.0, 0.0, 0.0, math.nan, math.nan, math.nan, 0.0)),
+        MissionItem(21, (0.0, 0.0, 0.0, math.nan, math.nan, 8.5, 0.0)),
+        MissionItem(2000, (0.0, 0.0, 1.0, 0.0, math.nan, math.nan, math.nan), frame=2),
     ],
 )
 def test_an_item_is_the_same_after_message_and_json(item):

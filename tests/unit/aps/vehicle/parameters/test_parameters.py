@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.execution import Outcome
 from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
-from aps.vehicle.parameters.ftp import unpacked
+from aps.vehicle.parameters.ftp import PACKED_PARAMETERS, ReadExecution, unpacked
 from aps.vehicle.parameters.transfer import as_float32, decoded, set_message
 from tests.unit.aps.vehicle.peer import Bench, KeepingAutopilot, WholeNumbers, packed
 
@@ -43,6 +43,52 @@ def test_the_file_is_closed_at_the_end():
     assert opcodes[0] == 4
     assert opcodes[-1] == 1
     assert set(opcodes[1:-1]) == {15}
+
+
+def read(bench, path):
+    """Read a file to the end; gives the result."""
+    reading = ReadExecution(bench.vehicle.telemetry.state(bench.now_ns), path)
+    bench.commands.begin(reading, on_done=(ends := []).append)
+    while not ends:
+        bench.step()
+    return ends[0]
+
+
+def asked_of_files(bench):
+    """Opcode and sequence number of each request about files that the autopilot heard."""
+    requests = [bytes(message.payload) for message in bench.heard("FILE_TRANSFER_PROTOCOL")]
+    return [(payload[3], int.from_bytes(payload[:2], "little")) for payload in requests]
+
+
+@pytest.mark.parametrize("lost", [1, 2, 7])
+def test_a_file_is_read_whose_first_answers_are_lost(lost):
+    """A file that is open is not opened twice: the request is the same again, and so is its answer."""
+    bench = Bench(KeepingAutopilot(PARAMETERS))
+    bench.autopilot.lost["FILE_TRANSFER_PROTOCOL"] = lost
+    result = read(bench, PACKED_PARAMETERS)
+    assert (result.outcome, result.value) == (Outcome.REACHED, bench.autopilot.file)
+    requests = asked_of_files(bench)
+    assert [opcode for opcode, _ in requests[: lost + 2]] == [4] * (lost + 1) + [15]
+    assert len({seq for _, seq in requests[: lost + 1]}) == 1
+    assert len({seq for _, seq in requests}) == len(requests) - lost
+
+
+@pytest.mark.parametrize("count", [3, 8, 14, 20, 300])
+def test_the_request_after_a_burst_is_a_new_one_however_many_pieces_it_had(count):
+    """An answer has the number of its request plus one, and each further piece of a burst the next: those are taken."""
+    parameters = dict(list(PARAMETERS.items())[:count])
+    bench = Bench(KeepingAutopilot(parameters))
+    assert bench.run("parameters").value == parameters
+    bursts = -(-len(bench.autopilot.file) // 1600)
+    requests = asked_of_files(bench)
+    assert [opcode for opcode, _ in requests] == [4, *[15] * bursts, 15, 1]
+    assert bench.now_ns < 1e9
+
+
+def test_the_first_answer_to_a_second_file_is_not_the_last_one_to_the_first():
+    bench = Bench(KeepingAutopilot(PARAMETERS))
+    assert read(bench, "nothing.txt").reason == "nothing.txt: no such file"
+    assert read(bench, PACKED_PARAMETERS).value == bench.autopilot.file
 
 
 def test_gaps_are_asked_for_by_number():
