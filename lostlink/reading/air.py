@@ -13,6 +13,7 @@ in it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -39,7 +40,7 @@ NEEDED: Final = (
 )
 """Columns that `DeliveryRows` have to have for this."""
 BUSY_NS: Final = 10_000_000_000
-"""A network is busiest in a period of so long: a queue that holds more than this is no radio's."""
+"""A network is busiest in a time of so long: a queue that holds more than this is no radio's."""
 SHARES: Final = (0.5, 0.95)
 Numbers = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -66,6 +67,27 @@ def places_in(edges_ns: Whole, at_ns: Whole) -> NDArray[np.intp]:
 def durations_s(edges_ns: Whole) -> Numbers:
     """Of the periods."""
     return np.asarray(np.diff(edges_ns) / NS_PER_S, dtype=np.float64)
+
+
+def busiest_per_s(at_ns: Whole, values: Numbers, group: Whole, groups: int, end_ns: int) -> Numbers:
+    """The greatest sum that each group has within `BUSY_NS` anywhere in a run, over that time, 1/s; shape (groups,).
+
+    Args:
+        at_ns: of each value.
+        values: at least 0.
+        group: of each value; -1: of none.
+        groups: how many there are.
+        end_ns: the end of the run; of a shorter one all counts.
+    """
+    period_ns, found = min(BUSY_NS, max(end_ns, 1)), np.zeros(groups)
+    order = np.lexsort((at_ns, group))
+    begins = np.searchsorted(group[order], np.arange(groups + 1))
+    for number, (begin, end) in enumerate(itertools.pairwise(begins.tolist())):
+        mine = order[begin:end]
+        sums = np.concatenate([[0.0], np.cumsum(values[mine])])
+        after = np.searchsorted(at_ns[mine], at_ns[mine] + period_ns)
+        found[number] = (sums[after] - sums[:-1]).max(initial=0.0)
+    return np.asarray(found / (period_ns / NS_PER_S), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +119,11 @@ class Offered:
         """Of the network's time in each period; if not all share it, that of the busiest group or sender."""
         need_s = self._sums(self.need_s, edges_ns).max(axis=1, initial=0.0)
         return np.asarray(need_s / durations_s(edges_ns), dtype=np.float64)
+
+    def busiest_share(self, end_ns: int) -> float:
+        """Of the network's time in the busiest `BUSY_NS` of a run; if not all share it, that of the busiest's."""
+        shares = busiest_per_s(self.at_ns, self.need_s, self.sharer, self.sharers, end_ns)
+        return float(shares.max(initial=0.0))
 
     def capacity_bps(self, whole_ns: Whole) -> float | None:
         """Payload that the network carries of such packets; if not all share it, of the busiest's.
@@ -234,9 +261,9 @@ def quantiles(place: NDArray[np.intp], values: Numbers, periods: int) -> Numbers
     return found
 
 
-def received_bits_per_s(rows: DeliveryRows, capacity: Capacity, edges_ns: Whole) -> Numbers:
-    """Payload that each node received in each period, by the time of sending, shape (nodes, periods)."""
-    came, nodes, periods = rows.at(rows.is_delivered), len(rows.nodes), len(edges_ns) - 1
-    cells = came.columns["rx"] * periods + places_in(edges_ns, came.columns["sim_time_ns"])
-    bits = np.bincount(cells, 8.0 * payloads_of(came, capacity), nodes * periods)
-    return np.asarray(bits.reshape(nodes, periods) / durations_s(edges_ns), dtype=np.float64)
+def received_most_bits_per_s(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> Numbers:
+    """Payload that each node received in its busiest `BUSY_NS` of a run, by the time of sending, shape (nodes,)."""
+    came = rows.at(rows.is_delivered)
+    bits = np.asarray(8.0 * payloads_of(came, capacity), dtype=np.float64)
+    rx = came.columns["rx"].astype(np.int64)
+    return busiest_per_s(came.columns["sim_time_ns"], bits, rx, len(rows.nodes), end_ns)

@@ -18,7 +18,7 @@ from lostlink.reading.air import (
     edges_of,
     frames_of,
     offered_of,
-    received_bits_per_s,
+    received_most_bits_per_s,
 )
 from lostlink.reading.capacity import Capacity, SharedBy, rate_text
 from lostlink.reading.rows import RUN_ENDED, DeliveryRows
@@ -45,7 +45,7 @@ class AirAccount:
         capacity_bps: what the network carries of such packets; with `ideal`, what the radio's bit rate could; if not
             all share it, of those of the group or sender with the greatest share. None without packets.
         share: ``offered_bps`` as a share of that; if not all share it, of that group or sender.
-        busiest_share: the same in the busiest period of `BUSY_NS`.
+        busiest_share: the same in the busiest `BUSY_NS`, whenever these begin.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
@@ -53,7 +53,7 @@ class AirAccount:
         waiting_at_end: those of them that were not lost before the run ended.
         lost_overlapping: receptions that were lost as frames were on the air at once, where no node waits for others;
             0 where nodes do.
-        received_most_bps: payload that one node received in its busiest such period.
+        received_most_bps: payload that one node received in the busiest such time of its own.
         received_most_node: that node; that with the most for its bit rate.
         received_most_share: the same over the bit rate of its radio.
         too_long: packets that were too long to be on the air, by node.
@@ -167,14 +167,13 @@ def account_of(
         on_air_ns: of all frames, where others than senders transmitted some; unless given, as the rows say.
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
-    busy = edges_of(end_ns, BUSY_NS)
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
     if on_air_ns is not None:
         use = on_air_ns / max(end_ns, 1)
     waiting, overlapping = ([FATES.index(fate.value) for fate in some] for some in (WAITING, OVERLAPPING))
     fates, packets = rows.columns["fate"], rows.columns["packets"]
     lost_overlapping = 0 if capacity.has_turns else int(packets[np.isin(fates, overlapping)].sum())
-    received_bps = received_bits_per_s(rows, capacity, busy).max(axis=1, initial=0.0)
+    received_bps = received_most_bits_per_s(rows, capacity, end_ns)
     own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
     bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
     most = int(np.argmax(received_bps / bit_rates_bps))
@@ -188,7 +187,7 @@ def account_of(
         offered_bps=float(offered.bits_per_s(whole)[0]),
         capacity_bps=offered.capacity_bps(whole),
         share=float(offered.shares(whole)[0]),
-        busiest_share=float(offered.shares(busy).max()),
+        busiest_share=offered.busiest_share(end_ns),
         use_share=use,
         wait_p50_s=_number(waits, 0),
         wait_p95_s=_number(waits, 1),

@@ -74,6 +74,8 @@ def routes_of(rows: DeliveryRows, ways: Mapping[str, Mapping[Ends, LinkWays]]) -
             packets: Counter[Way] = Counter()
             for place, count in zip(*np.unique(places, return_counts=True), strict=True):
                 packets[each.nodes[int(place)]] += int(count)
+            if not packets:
+                continue  # of a record that broke off, or lost its deliveries
             [(way, most)], total = packets.most_common(1), packets.total()
             found.append(
                 {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from traceback import extract_tb
 from typing import Any
 
@@ -31,7 +32,8 @@ def of_summary(run: Run) -> Metrics:
     """What the summary says and the machine does not change; there of a run that failed, too.
 
     ``ending``, ``outcome``, ``verdict``, ``error``, ``passed`` (it came to its end, and neither model nor expectations
-    disagree), ``digest``, ``sim_duration_s``; ``<expectation>: found`` and ``<expectation>: passed`` of each.
+    disagree), ``digest``, ``sim_duration_s``; ``<expectation>: found`` and ``<expectation>: passed`` of each;
+    of one name the second is ``<expectation> (2)``.
     """
     summary = run.summary
     return {
@@ -43,11 +45,19 @@ def of_summary(run: Run) -> Metrics:
         "digest": summary["digest"],
         "sim_duration_s": summary["sim_duration_s"],
         **{
-            f"{each['name']}: {part}": each[part]
-            for each in summary["expectations"]
+            f"{name}: {part}": each[part]
+            for name, each in _by_name(summary["expectations"])
             for part in ("found", "passed")
         },
     }
+
+
+def _by_name(expectations: Iterable[Mapping[str, Any]]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    seen = Counter[str]()
+    for each in expectations:
+        name = each["name"]
+        seen[name] += 1
+        yield name if seen[name] == 1 else f"{name} ({seen[name]})", each
 
 
 def of_tables(run: Run) -> Metrics:

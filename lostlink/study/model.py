@@ -107,12 +107,24 @@ class StudyFile(Part):
             return {}
         if not isinstance(value, Mapping):
             return value
-        if "seed" in value:
-            raise ValueError("seed is varied by seeds:, as seeds: [1, 2] or seeds: {first: 1, count: 30}")
+        _refuse_seed(value)
         return {
             key: _by_label(key, choices) if isinstance(choices, list) else choices
             for key, choices in value.items()
         }
+
+    @field_validator("set")
+    @classmethod
+    def _without_seed(cls, settings: dict[str, Any]) -> dict[str, Any]:
+        _refuse_seed(settings)
+        return settings
+
+    @field_validator("cases")
+    @classmethod
+    def _each_without_seed(cls, cases: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        for settings in cases.values():
+            _refuse_seed(settings)
+        return cases
 
     @field_validator("vary")
     @classmethod
@@ -153,10 +165,16 @@ def read_study(path: Path) -> StudyFile:
         raise StudyError("\n".join(explained(root, error, StudyFile))) from error
 
 
+def _refuse_seed(settings: Mapping[str, Any]) -> None:
+    if "seed" in settings:
+        raise ValueError("seed is given by seeds:, as seeds: [1, 2] or seeds: {first: 1, count: 30}")
+
+
 def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for choice in choices:
-        if str(choice) in found:
+        is_number = isinstance(choice, int | float) and not isinstance(choice, bool)
+        if str(choice) in found or (is_number and choice in found.values()):
             raise ValueError(
                 f"{key} has the value {choice} more than once; values that read alike need labels"
             )

@@ -203,7 +203,8 @@ def _routing(counts: dict[str, Any], run: dict[str, Any]) -> list[Row]:
     radio, sim_s = counts["radio"], run["sim_duration_s"]
 
     def on_air(name: str) -> str:
-        return f"{num(counts[name] / NS_PER_S)} s, {share(counts[name] / NS_PER_S / sim_s)} of the time"
+        on_air_s = counts[name] / NS_PER_S
+        return f"{num(on_air_s)} s" + (f", {share(on_air_s / sim_s)} of the time" if sim_s else "")
 
     return [
         [f"packets on {radio}: transmitted by their senders", count(counts["sent"])],

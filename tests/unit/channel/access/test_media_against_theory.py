@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
-from math import exp
+from math import ceil, exp
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -185,3 +187,27 @@ def test_mean_delay_of_slots(a_second: float, delay_ms: float) -> None:
     assert np.mean([fate.at_ns - fate.packet.at_ns for fate in fates]) / 1e6 == pytest.approx(
         delay_ms, rel=0.03
     )
+
+
+def lora_s(payload_bytes: int, spreading: int) -> float:
+    """Time on the air at 125 kHz, 4/5, a preamble of 8, header and CRC: Semtech AN1200.13, section 4."""
+    symbol_s = 2**spreading / 125e3
+    low = 2 if symbol_s >= 0.016 else 0
+    blocks = ceil((8 * payload_bytes - 4 * spreading + 28 + 16) / (4 * (spreading - low)))
+    return (8 + 4.25 + 8 + 5 * max(blocks, 0)) * symbol_s
+
+
+def documented() -> dict[int, tuple[float, float]]:
+    """Bit rate and preamble by spreading factor, as docs/how-to/channel-which-model.md has them."""
+    text = (Path(__file__).parents[4] / "docs/how-to/channel-which-model.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.MULTILINE)
+    return {int(spreading): (float(rate), float(preamble)) for spreading, rate, preamble in rows}
+
+
+@pytest.mark.parametrize("spreading", range(7, 13))
+def test_the_recipe_for_lora_is_near_semtechs_formula(spreading: int) -> None:
+    bit_rate_bps, preamble_s = documented()[spreading]
+    timing = BitRate(bit_rate_bps, round(preamble_s * S))
+    for payload_bytes in range(12, 201):
+        found_s = timing.duration_ns(payload_bytes) / S
+        assert found_s == pytest.approx(lora_s(payload_bytes, spreading), rel=0.07)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -93,6 +94,13 @@ def test_a_table_that_was_changed_is_told(recorded: Callable[[Path], Path], tmp_
     with (run / "truth.parquet").open("ab") as file:
         file.write(b"\0")
     assert mistakes_in_summary(run)[0].startswith("digests.truth is ")
+
+
+@pytest.mark.parametrize("name", ["truth", "deliveries"])
+def test_a_table_that_is_gone_is_told(recorded: Callable[[Path], Path], tmp_path: Path, name: str) -> None:
+    run = recorded(tmp_path / "a")
+    (run / f"{name}.parquet").unlink()
+    assert re.fullmatch(rf"digests\.{name} is \w+, that of the record nothing", mistakes_in_summary(run)[0])
 
 
 def test_a_run_without_an_end_has_no_summary_to_be_wrong(

@@ -19,7 +19,7 @@ from lostlink.reading.air import (
     offered_of,
     payloads_of,
     quantiles,
-    received_bits_per_s,
+    received_most_bits_per_s,
 )
 from lostlink.reading.air_account import account_of
 from lostlink.reading.capacity import Capacity, rate_text
@@ -165,8 +165,8 @@ def test_waits_and_delays_are_differences_of_instants() -> None:
 
 def test_what_a_node_receives_is_payload() -> None:
     given = rows({}, {"seq": 1, "sim_time_ns": 3 * S}, {"seq": 2, "fate": "collided"})
-    found = received_bits_per_s(given, capacity(IDEAL), np.array([0, 2 * S, 4 * S]))
-    assert found.tolist() == [[0, 0], [8 * 92 / 2, 8 * 92 / 2], [0, 0]]
+    assert received_most_bits_per_s(given, capacity(IDEAL), 2 * S).tolist() == [0, 8 * 92 / 2, 0]
+    assert received_most_bits_per_s(given, capacity(IDEAL), 4 * S).tolist() == [0, 2 * 8 * 92 / 4, 0]
 
 
 @pytest.mark.parametrize(
@@ -221,6 +221,18 @@ def test_too_much_in_the_busiest_ten_seconds_counts_also_in_a_long_run() -> None
     assert account.busiest_share == pytest.approx(10 * account.share) == pytest.approx(15 * 8 * 8008 / 64e4)
     assert "the nodes offered 9.6 kbit/s, 1.5 times" in account.warnings[0]
     assert BUSY_NS == 10 * S
+
+
+@pytest.mark.parametrize("end_s", [19, 20, 40])
+@pytest.mark.parametrize("begin_s", [0, 3, 9])
+def test_the_busiest_ten_seconds_may_begin_at_any_time(begin_s: int, end_s: int) -> None:
+    """A packet a second for ten, wherever the run's tens of seconds begin."""
+    burst = [
+        {"seq": at, "length_bytes": 8008, "sim_time_ns": (begin_s + at) * S, "fate": "burst"}
+        for at in range(10)
+    ]
+    account = account_of(rows(*burst), capacity(IDEAL), end_s * S)
+    assert account.busiest_share == pytest.approx(8 * 8008 / 64e3)
 
 
 @pytest.mark.parametrize(

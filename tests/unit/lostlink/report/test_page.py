@@ -12,7 +12,7 @@ import pytest
 
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
-from lostlink.flight.summary import Timing, summarise
+from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
 from lostlink.report.content import content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
@@ -233,3 +233,13 @@ def test_ages_of_less_than_a_decade_have_ticks_in_plain_numbers(content: dict[st
     texts = re.findall(r">([^<>]+)</text>", draw_ages({"ages": at_s}))
     assert {"0.1", "0.2"} <= set(texts)
     assert not any("10^" in text for text in texts)
+
+
+def test_a_run_that_ended_at_once_has_a_page_whose_routing_is_of_no_time(tmp_path: Path) -> None:
+    scenario = scenario_of(
+        "{preset: telemetry-915, medium: {model: airtime}, routing: {model: flood}}", ("0", "1")
+    )
+    path = flown(tmp_path / "made", scenario, 1, lambda _tick: [Sent("0", "1")])
+    write_summary(summarise(scenario, RunDirectory(path), Timing(0.0, 1.0), "failed"), RunDirectory(path))
+    text = page_of(content_of(load_run(path)), {})
+    assert re.search(r"both on the air</th><td[^>]*>[\d.]+ s</td>", text)

@@ -206,6 +206,10 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("set: {a: 2020-13-45}\n", "is not YAML: month must be in 1..12"),
         ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
         ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
+        ("vary: {x: [1, 1.0]}\n", "vary: .*x has the value 1.0 more than once"),
+        ("vary: {seed: [1, 2]}\n", "vary: .*seed is given by seeds:"),
+        ("set: {seed: 5}\n", "set: .*seed is given by seeds:"),
+        ("cases: {a: {seed: 5}}\n", "cases: .*seed is given by seeds:"),
     ],
 )
 def test_mistakes_name_the_file_and_the_key(tmp_path, text, says):
