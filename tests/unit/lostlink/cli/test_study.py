@@ -134,7 +134,7 @@ def test_seeds_are_not_varied(file: Path) -> None:
     file.write_text("schema: 1\nname: mine\nscenario: separation\nvary: {seed: [1, 2]}\n", encoding="utf-8")
     done = run(file, "--dry-run")
     assert done.exit_code == 2
-    assert "vary: seed is varied by seeds:, as seeds: [1, 2]" in done.stderr
+    assert "vary: seed is given by seeds:, as seeds: [1, 2]" in done.stderr
 
 
 def test_figures_without_pandas_are_refused_before_anything_flies(
