@@ -24,7 +24,7 @@ QUADROTOR = "10040"
 def px4_build() -> Path:
     """The build directory of a real PX4 with simulator_sih, or the test is skipped."""
     home, on_path = os.environ.get("PX4_HOME"), shutil.which("px4")
-    places = [Path(home) / "build" / "px4_sitl_default"] if home else []
+    places = [Path(home), Path(home) / "build" / "px4_sitl_default"] if home else []
     places += [Path(on_path).resolve().parent.parent] if on_path else []
     for place in places:
         if (place / "bin" / "px4").is_file() and (place / "bin" / "px4-simulator_sih").exists():
