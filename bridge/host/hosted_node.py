@@ -141,7 +141,8 @@ class HostedNode:
         from bridge.scenario.resolve.sensing import sensor_of  # few nodes have one, and it takes its time
         from channel.sensing.sensor import Sensor
 
-        return Sensor(sensor_of(self._config.sensor, self._scenario.origin))
+        is_base = isinstance(self._config, GroundNode)
+        return Sensor(sensor_of(self._config.sensor, self._scenario.origin), is_base=is_base)
 
     # From outside.
 

@@ -83,7 +83,7 @@ class HeardWorld:
         counts_foreign: bool = False,
     ) -> None:
         self._world, self._peers, self._counts_foreign = world, peers, counts_foreign
-        self.nodes = world.nodes
+        self.nodes, self.ids = world.nodes, world.ids
         self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
         self._came: dict[tuple[int, int], bool] = {}
         """Of a node and the sender of a frame that counts once the next begins: whether it came."""

@@ -55,8 +55,8 @@ class RadioLink:
         channel = Medium(radios, seed=plan.seed, nodes=plan.nodes, bases=plan.bases)
         self._guide = Guide(channel, plan.tracks)
         floors_dbm = {end: radio.noise_floor_dbm for end, radio in enumerate(plan.radios)}
-        config = plan.radios[GROUND].config
-        settings = config.medium
+        configs = {node: radio.config for node, radio in radios.items()}
+        settings = plan.radios[GROUND].config.medium
         links, peers = LinkWorld(channel, expects=False, keeps=False), peers_of(settings, plan.nodes)
         world = HeardWorld(links, floors_dbm, peers, counts_foreign=counts_foreign(settings))
         medium: AccessMedium
@@ -64,7 +64,7 @@ class RadioLink:
             medium = IdealMedium(world)
         else:
             seed, floor_dbm = channel.draws.seed, min(floors_dbm.values())
-            medium = settings.open(Surroundings.of(world, channel.index, seed, config, floor_dbm))
+            medium = settings.open(Surroundings.of(world, channel.index, seed, configs, floor_dbm))
         modems = {end: modem_of(settings, plan.bauds[end], is_transmitter=end == GROUND) for end in ENDS}
         self.pair = ModemPair(medium, modems, world.heard)
 

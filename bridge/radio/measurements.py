@@ -128,7 +128,8 @@ class SensorsOfRun:
         """Those of a run; None if no node has one."""
         if not sensors:
             return None
-        sensing = Sensing(sensors, emitters, seed=run.scenario.seed)
+        bases = [node.node for node in run.scenario.ground]
+        sensing = Sensing(sensors, emitters, seed=run.scenario.seed, bases=bases)
         table = MeasurementWriter(run.path, sensing.sensors, [each.name for each in emitters])
         return cls(RfSensors(sensing, [each.identifies for each in sensors.values()], medium), table)
 

@@ -1,5 +1,7 @@
 """What happens next: events in the order of time, then rank, then node, then number.
 
+Nodes are in the order of their ids where they have some, however they are listed.
+
 Networks that hear each other have an agenda each on one clock: of events of one instant and rank, those of the network
 that comes first happen first.
 """
@@ -7,8 +9,9 @@ that comes first happen first.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
 
 SIGNAL_ENDS, ACTS, SIGNAL_STARTS = 0, 1, 2
 """Ranks. Who acts at an instant does not hear yet what starts at it: two that act at one instant collide."""
@@ -17,13 +20,19 @@ ALONE_NEVER_NS = -1
 """Until when an agenda on a shared clock may go on by itself."""
 
 Entry = list[Any]
-"""[instant ns, rank, node, number, callback, arguments]; the callback of one that was called off is None."""
+"""[instant ns, rank, place of the node, number, callback, arguments]; of one that was called off no callback."""
+NO_ORDER: Final[Mapping[int, int]] = MappingProxyType({})
 
 
 class Agenda:
-    """Events to come. Two agendas that were given the same do the same."""
+    """Events to come. Two agendas that were given the same do the same.
 
-    def __init__(self) -> None:
+    Args:
+        order: the place of each node among those that do something at one instant; its number unless given.
+    """
+
+    def __init__(self, order: Mapping[int, int] = NO_ORDER) -> None:
+        self._order = order
         self.now_ns = self._until_ns = 0
         self.handled = 0
         self._entries: list[Entry] = []
@@ -41,7 +50,7 @@ class Agenda:
         if at_ns < self.now_ns:
             raise ValueError(f"an event at {at_ns} ns: it is {self.now_ns} ns already")
         self._number += 1
-        entry: Entry = [at_ns, rank, node, self._number, callback, arguments]
+        entry: Entry = [at_ns, rank, self._order.get(node, node), self._number, callback, arguments]
         heapq.heappush(self._entries, entry)
         return entry
 

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from channel.access.agenda import SIGNAL_STARTS, Entry
+from channel.access.leaks import Leaks
 from channel.access.packets import Loss
 from channel.access.world import AirFrame, Piece
 
@@ -32,7 +33,7 @@ class Hearing:
         interferes: whether frames of the same network disturb each other at all.
         cca_ns: how long a carrier is there before it is sensed; 802.11's aCCATime is at most 4 us with OFDM.
         channels: on which nodes listen and transmit; 0 unless given.
-        adjacent: shares of power that a receiver takes in from signals 1, 2, ... channels away; nothing beyond.
+        adjacent: shares of power that receivers take in from signals on other channels.
     """
 
     preamble_mw: float = 1e-12
@@ -41,15 +42,11 @@ class Hearing:
     interferes: bool = True
     cca_ns: int = 0
     channels: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
-    adjacent: tuple[float, ...] = ()
+    adjacent: Leaks = field(default_factory=Leaks)
 
     def senses(self, power_mw: float) -> bool:
         """Whether a signal alone is sensed as a carrier."""
         return power_mw >= self.preamble_mw or power_mw >= self.energy_mw
-
-    def leak(self, channels: int) -> float:
-        """The share of a signal so many channels away."""
-        return self.adjacent[channels - 1] if channels <= len(self.adjacent) else 0.0
 
 
 class Foreign(Protocol):
@@ -261,7 +258,8 @@ class Receiver:
         hearing = self._air.hearing
         if self._elsewhere and hearing.adjacent:
             for frame, power in self._elsewhere.items():
-                heard_mw += power * hearing.leak(abs(frame.channel - self.channel))
+                channels = abs(frame.channel - self.channel)
+                heard_mw += power * hearing.adjacent.share(frame.node, self.node, channels)
         return heard_mw
 
     def _leaks(self) -> None:

@@ -167,6 +167,15 @@ class Foreseeing(Protocol):
 
 
 @runtime_checkable
+class Identified(Protocol):
+    """A world whose nodes have ids: what is drawn for a node hangs on its id, not on its number."""
+
+    @property
+    def ids(self) -> Sequence[str]:
+        """Of `World.nodes`, in their order."""
+
+
+@runtime_checkable
 class Metering(Protocol):
     """A world that takes note of what radios measure while no frame comes."""
 

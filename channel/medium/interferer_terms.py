@@ -12,7 +12,7 @@ import numpy as np
 
 from channel.checks import FloatArray
 from channel.draws import LinkDraws, Purpose, uniform_from_words
-from channel.link.emitters.emitter import Emitter
+from channel.link.emitters.identity import interferer_names
 from channel.link.radio import Radio
 from channel.medium.links import LinksOfPass
 from channel.medium.random_terms import RandomTerms
@@ -29,10 +29,7 @@ class InterfererTerms:
     def __init__(self, radio: Radio, draws: LinkDraws) -> None:
         self._radio = radio
         self._draws = draws
-        self._names = [
-            each.name if isinstance(each, Emitter) else f"interferer {i}"
-            for i, each in enumerate(radio.sources)
-        ]
+        self._names = (*interferer_names(radio.config), *(each.name for each in radio.emitters))
         everybody = LinkDraws(draws.draws, (*draws.nodes, *self._names))
         self._terms = RandomTerms(radio, everybody, "sensing")
 

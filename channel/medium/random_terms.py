@@ -23,6 +23,7 @@ from channel.fading.terms import LastingFading, LastingShadowing, LineOfSight
 from channel.fading.waves import link_places
 from channel.geometry import Path
 from channel.link.emitters.emitter import slot_uniform
+from channel.link.emitters.identity import interferer_names
 from channel.link.radio import Radio
 from channel.medium.links import Indices, LinksOfPass
 
@@ -57,7 +58,7 @@ class RandomTerms:
         config = radio.config
         self._config = config
         self._draws = draws
-        self._emitters = radio.emitters
+        self._interferers, self._emitters = interferer_names(config), radio.emitters
         self._sight = radio.sight
         run = draws.draws
         self._fields = LinkWords(run.seed, draws.nodes, fields)
@@ -148,14 +149,15 @@ class RandomTerms:
         return links.path.elevation_deg if self._config.fading.by_elevation else LEVEL
 
     def interferers_on(self, links: LinksOfPass) -> tuple[bool | NDArray[np.bool_], ...]:
-        """Return which interferers, then emitters, transmit, each for all or by link: the same for every receiver."""
+        """Return which interferers, then emitters, transmit, each for all or by link.
+
+        The same for every receiver, on all networks of the run.
+        """
         run, times_ns = self._draws.draws, links.packets.sim_time_ns
         interferers = tuple(
             each.duty >= 1.0
-            or (slot_uniform(run, ("interferer", str(i), "slots"), each.slot_ns, times_ns) < each.duty)[
-                links.packet
-            ]
-            for i, each in enumerate(self._config.interference.interferers)
+            or (slot_uniform(run.common, (name, "slots"), each.slot_ns, times_ns) < each.duty)[links.packet]
+            for name, each in zip(self._interferers, self._config.interference.interferers, strict=True)
         )
         emitters = tuple(
             each.is_on(run.common, times_ns)[links.packet] if each.is_pulsed else each.duty > 0.0

@@ -93,7 +93,7 @@ class LinkWorld:
     def __init__(
         self, medium: Medium, judge: Judge | None = None, *, expects: bool = True, keeps: bool = True
     ) -> None:
-        self.nodes = tuple(range(len(medium.nodes)))
+        self.nodes, self.ids = tuple(range(len(medium.nodes))), medium.nodes
         self.beside: Beside | None = None
         self._medium, self._judge, self._notebook = medium, judge, Notebook()
         self._expects, self._keeps = expects, keeps

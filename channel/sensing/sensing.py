@@ -6,7 +6,7 @@ not on who else is there, nor in which order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +49,7 @@ class Sensing:
         sensors: by the id of the node that has each.
         emitters: with names that differ from each other and from these ids.
         seed: the run's seed.
+        bases: ids of nodes that stand on the ground; see `Sensor`.
 
     Attributes:
         sensors: ids of the nodes, in order.
@@ -59,7 +60,12 @@ class Sensing:
     """
 
     def __init__(
-        self, sensors: Mapping[str, SensorConfig], emitters: Sequence[Emitter], *, seed: int
+        self,
+        sensors: Mapping[str, SensorConfig],
+        emitters: Sequence[Emitter],
+        *,
+        seed: int,
+        bases: Collection[str] = (),
     ) -> None:
         self.sensors = tuple(sensors)
         self.emitters = tuple(emitters)
@@ -70,6 +76,7 @@ class Sensing:
         self._draws = LinkDraws(self._run, names)
         self._kinds: list[_Kind] = []
         self._kind = self._kind_of_each(tuple(Sensor(config) for config in sensors.values()))
+        self._is_base = np.array([node in bases for node in self.sensors], dtype=bool)
         self._period_ns = np.array([each.period_ns for each in sensors.values()], dtype=np.int64)
         self._next = np.zeros(len(self.sensors), dtype=np.int64)
         self._power_dbm = np.array(
@@ -130,6 +137,8 @@ class Sensing:
         out.distance_m[rows] = separation_m(start, end)
         attitude = None if sensors.attitude_wxyz is None else sensors.attitude_wxyz[there]
         path = radio.path_of(start, end, out.distance_m[rows], None, attitude, self._frequency_hz[here])
+        is_base = self._is_base[there]
+        path = path._replace(tx_is_base=~is_base, rx_is_base=is_base)
         relative = _velocity(sensors, there) - _velocity(emitters, here)
         speed_mps = np.sqrt(np.sum(relative * relative, axis=-1))
         return Ways(here + len(self.sensors), there, out.number[rows], path, speed_mps)

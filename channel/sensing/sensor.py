@@ -43,8 +43,11 @@ class Sensor:
 
     Args:
         config: the sensor.
+        is_base: whether its node stands on the ground: what it hears is an aircraft then to laws with `needs_roles`,
+            and stands on the ground itself if not, as with the sources that a radio hears.
 
     Attributes:
+        config, is_base: as given.
         period_ns: sim time between two measurements.
         band_hz: lowest and highest frequency that it measures.
         noise_floor_dbm: of its receiver.
@@ -53,8 +56,8 @@ class Sensor:
         decorrelation_m: distance over which shadowing falls to 1/e; None: it is drawn anew for each measurement.
     """
 
-    def __init__(self, config: SensorConfig) -> None:
-        self.config = config
+    def __init__(self, config: SensorConfig, *, is_base: bool = False) -> None:
+        self.config, self.is_base = config, is_base
         radio, shadowing = config.radio, config.radio.shadowing
         half_hz = 0.5 * radio.bandwidth_hz
         self.period_ns = config.period_ns
@@ -120,6 +123,7 @@ class Sensor:
             position_rx_ned_m=own_ned_m,
             attitude_rx_wxyz=attitude_wxyz,
             frequency_hz=frequency_hz,
+            base="rx" if self.is_base else "tx",
         )
         return np.asarray(self._law.mean_power_dbm(path) + radiated_dbm)
 

@@ -89,14 +89,20 @@ def _disturbed(scenario: Scenario) -> dict[str, list[str]]:
 
 
 def rates_that_differ(scenario: Scenario) -> Iterator[str]:
-    """Tell of 802.11 whose frames last as long as at one rate, and have the errors of another."""
+    """Tell of media whose frames last as long as at a rate of their own, and have the errors of another."""
     for name in scenario.network_names:
+        # with such a medium all its radios have one rate (`rate_mistake`)
         config = next(iter(radios_of(scenario, network=name).values())).config
-        if not isinstance(config.medium, CsmaMedium):
-            continue
-        rate_bps = config.medium.rate_mbps * 1e6
-        if not 1.0 / RATES_APART < rate_bps / config.bit_rate_bps < RATES_APART:
+        key, rate_bps = _own_rate(config.medium)
+        if rate_bps is not None and not 1.0 / RATES_APART < rate_bps / config.bit_rate_bps < RATES_APART:
             yield (
-                f"radio of network {name}: frames last as long as at {rate_bps / 1e6:g} Mb/s (medium.rate_mbps), and "
+                f"radio of network {name}: frames last as long as at {rate_bps / 1e6:g} Mb/s (medium.{key}), and "
                 f"have the errors of {config.bit_rate_bps / 1e6:g} Mb/s (bit_rate_bps)"
             )
+
+
+def _own_rate(medium: MediumSettings) -> tuple[str, float | None]:
+    """The key of a medium's own bit rate, and that; None if frames last by the radio's, or by slots and modes."""
+    if isinstance(medium, CsmaMedium):
+        return "rate_mbps", medium.rate_mbps * 1e6
+    return "bit_rate_bps", getattr(medium, "bit_rate_bps", None)

@@ -96,11 +96,6 @@ class Capacity:
         settings = self.settings
         return settings if isinstance(settings, TdmaMedium) and settings.is_by_node else None
 
-    @property
-    def bit_rate_bps(self) -> float:
-        """Of the first node's radio, as the network of a run has it."""
-        return next(iter(self.radios.values())).config.bit_rate_bps
-
     def packet_s(self, node: str, payload_bytes: int, priority: int | None = None) -> float:
         """The time that the network needs for a packet of a node: 0 if it has no room for it at all.
 
@@ -109,17 +104,17 @@ class Capacity:
             payload_bytes: of the packet.
             priority: of the packet, where only some slots take it; None: it may be any.
         """
-        settings = self.settings
-        if isinstance(settings, Ideal):
-            radio = self.radios[node]  # a fixed length may be less than the payload's
-            return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / radio.config.bit_rate_bps
+        settings, radio = self.settings, self.radios[node]
+        bit_rate_bps = radio.config.bit_rate_bps
+        if isinstance(settings, Ideal):  # a fixed length may be less than the payload's
+            return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / bit_rate_bps
         length_bytes = max(payload_bytes, 1)
         if (slots := self._slots) is not None:
-            capacity_bps = slots.node_capacity_bps(node, length_bytes, self.bit_rate_bps, priority)
+            capacity_bps = slots.node_capacity_bps(node, length_bytes, bit_rate_bps, priority)
         elif isinstance(settings, ElrsMedium):
             capacity_bps = settings.node_capacity_bps(node, tuple(self.radios))
         else:
-            capacity_bps = settings.capacity_bps(length_bytes, self.bit_rate_bps)
+            capacity_bps = settings.capacity_bps(length_bytes, bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
 
     def payload_bytes(self, node: str, counted_bytes: int) -> int:

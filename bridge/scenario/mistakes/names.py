@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -21,7 +22,7 @@ from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from
 from bridge.scenario.resolve.sensing import check_antenna
 from channel.access.settings.base import Ideal, Surroundings
-from channel.access.settings.medium import name_of
+from channel.access.settings.medium import name_of, rate_mistake
 from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
@@ -33,6 +34,9 @@ from channel.routing.settings import router_of
 from channel.validity import OUTSIDE_KEY
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WindError
+
+NONE_OWN: Final[Mapping[str, RadioConfig]] = MappingProxyType({})
+"""Radios of single nodes: there are none."""
 
 
 def with_known_names(root: Written, scenario: Scenario) -> Scenario:
@@ -83,9 +87,9 @@ class _Radios:
     def scenario(self) -> Scenario:
         """The scenario with the tables of its radios read in."""
         common, config = self._read(self._scenario.radio, ("radio",))
-        self._see_medium(("radio",), config, self._scenario.transceiver_ids)
         self._see_roles(("radio",), config, [n.node for n in self._scenario.transceivers if n.radio is None])
         nodes: list[NodeConfig] = []
+        own_radios: dict[str, RadioConfig] = {}
         for index, node in enumerate(self._scenario.nodes):
             if isinstance(node, EmitterNode):
                 nodes.append(self._with_antenna(node, ("nodes", index, "antenna")))
@@ -97,6 +101,7 @@ class _Radios:
                 path = ("nodes", index, "radio")
                 radio, own = self._read(node.radio, path)
                 self._see_roles(path, own, [node.node])
+                own_radios |= {} if own is None else {node.node: own}
                 node = node.model_copy(update={"radio": radio})
                 if own is not None and config is not None and own.frequency_hz != config.frequency_hz:
                     run_hz = config.frequency_hz
@@ -111,6 +116,8 @@ class _Radios:
                     text = f"its routing is {ways}, or has other settings: nodes of a network have one way of routing"
                     self.mistakes.append(_told(self._root, path, text))
             nodes.append(node)
+        self._see_rates(config, own_radios)
+        self._see_medium(("radio",), config, self._scenario.transceiver_ids, own_radios)
         self._see_modems(MAIN, config)
         changes = {"radio": common, "networks": self._networks(), "nodes": tuple(nodes)}
         return self._scenario.model_copy(update=changes)
@@ -135,14 +142,35 @@ class _Radios:
                 text = f"packets of {config.name} take no time (medium: ideal): a modem needs a radio like sik-433"
                 self.mistakes.append(_told(self._root, ("nodes", index, "modems", network), text))
 
-    def _see_medium(self, path: Path_, config: RadioConfig | None, ids: Sequence[str]) -> None:
+    def _see_rates(self, config: RadioConfig | None, own: Mapping[str, RadioConfig]) -> None:
+        """Refuse nodes with other bit rates than the first, on a medium that has one for all."""
+        if config is None:
+            return
+        first_bps = None
+        for index, node in enumerate(self._scenario.nodes):
+            if isinstance(node, EmitterNode):
+                continue
+            rate_bps = own.get(node.node, config).bit_rate_bps
+            first_bps = rate_bps if first_bps is None else first_bps
+            if text := rate_mistake(config.medium, first_bps, rate_bps):
+                path: Path_ = ("nodes", index) if node.radio is None else ("nodes", index, "radio")
+                self.mistakes.append(_told(self._root, path, text))
+
+    def _see_medium(
+        self,
+        path: Path_,
+        config: RadioConfig | None,
+        ids: Sequence[str],
+        own: Mapping[str, RadioConfig] = NONE_OWN,
+    ) -> None:
         """Refuse a medium, or a way of routing, that cannot be that of these nodes."""
         if config is None or isinstance(config.medium, Ideal):
             return
         nodes = {node: index for index, node in enumerate(ids)}
         world = PlainWorld(tuple(nodes.values()))
         try:
-            config.medium.open(Surroundings.of(world, nodes, self._scenario.seed, config, 0.0))
+            configs = {node: own.get(node, config) for node in nodes}
+            config.medium.open(Surroundings.of(world, nodes, self._scenario.seed, configs, 0.0))
         except ValueError as error:
             self.mistakes.append(_told(self._root, (*path, "medium"), error))
         try:

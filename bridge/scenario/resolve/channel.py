@@ -13,7 +13,7 @@ from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Ideal, Surroundings
-from channel.access.settings.medium import MediumSettings, carriers_of, name_of
+from channel.access.settings.medium import MediumSettings, carriers_of, name_of, rate_mistake
 from channel.access.world import World
 from channel.draws import Draws
 from channel.link.radio import Radio
@@ -73,7 +73,7 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
     """The medium that all radios of a network share.
 
     Raises:
-        PresetError: they have several.
+        PresetError: they have several, or several bit rates on one that has a rate for all.
     """
     media = {node: radio.config.medium for node, radio in radios.items()}
     first, settings = next(iter(media.items()))
@@ -84,6 +84,10 @@ def medium_settings(radios: Mapping[str, Radio]) -> MediumSettings:
                 "nodes that share a channel share its medium"
             )
             raise PresetError(text, key="radio.medium")
+        if mistake := rate_mistake(
+            settings, radios[first].config.bit_rate_bps, radios[node].config.bit_rate_bps
+        ):
+            raise PresetError(f"node {node}: {mistake}", key="radio.bit_rate_bps")
     return settings
 
 
@@ -158,11 +162,11 @@ def channel_of(
     if isinstance(settings, Ideal):
         return RadioChannel(name, medium, None, judge)
     noise_floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
-    config = next(iter(radios.values())).config
+    configs = {node: radio.config for node, radio in radios.items()}
 
     def opened(links: LinkWorld) -> AccessMedium:
         world: World = links if watch is None else watch(medium, links)
-        surroundings = Surroundings.of(world, medium.index, medium.draws.seed, config, noise_floor_dbm)
+        surroundings = Surroundings.of(world, medium.index, medium.draws.seed, configs, noise_floor_dbm)
         return settings.open(surroundings)
 
     transmit = scenario.transmit

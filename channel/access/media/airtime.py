@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 from channel.access.agenda import ACTS
@@ -17,7 +18,7 @@ class AirTime(PlainMedium):
 
     Args:
         world: nodes, powers, delays.
-        timing: of frames.
+        timing: of frames: one for all, or by who transmits them.
         limits: of queues.
         hearing: how receivers hear.
     """
@@ -25,7 +26,7 @@ class AirTime(PlainMedium):
     def __init__(
         self,
         world: World,
-        timing: FrameTiming,
+        timing: FrameTiming | Mapping[int, FrameTiming],
         limits: QueueLimits | None = None,
         hearing: Hearing | None = None,
     ) -> None:

@@ -81,7 +81,8 @@ class Csma(AccessMedium):
         self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         draws = Draws(seed)
         self._stations = {
-            node: Station(self, node, WordStream(draws, str(node), "backoff")) for node in sorted(world.nodes)
+            node: Station(self, node, WordStream(draws, self.ids[node], "backoff"))
+            for node in sorted(world.nodes)
         }
         for node, receiver in self.air.join(self._stations).items():
             self._stations[node].receiver = receiver

@@ -161,7 +161,7 @@ class Delay(AccessMedium):
             for node in world.nodes
         }
         self._outages = {
-            node: Outage(WordStream(self._draws, str(node), "outage"), settings.good_s, settings.bad_s)
+            node: Outage(WordStream(self._draws, self.ids[node], "outage"), settings.good_s, settings.bad_s)
             for node in world.nodes
         }
         self._numbers = dict.fromkeys(world.nodes, 0)
@@ -209,7 +209,8 @@ class Delay(AccessMedium):
         link = (frame.node, receiver)
         words = self._delays.get(link)
         if words is None:
-            words = self._delays[link] = WordStream(self._draws, str(frame.node), str(receiver), "delay")
+            ends = (self.ids[each] for each in link)
+            words = self._delays[link] = WordStream(self._draws, *ends, "delay")
         come_ns = self.agenda.now_ns + self.settings.delay.at(words.uniform(frame.number))
         if self.settings.keeps_order:
             come_ns = self._latest_ns[link] = max(come_ns, self._latest_ns.get(link, 0))

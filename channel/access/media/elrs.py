@@ -155,8 +155,9 @@ class Elrs(AccessMedium):
         self._ways: dict[int, _Way] = {}
         draws = Draws(seed)
         for transmitter, receiver in self.settings.pairs or _two_by_two(world.nodes):
-            order = hop_sequence(self.mode.channels, WordStream(draws, str(transmitter), "hops"))
-            pair = self._join(transmitter, receiver, WordStream(draws, str(transmitter), "phases"), order)
+            order = hop_sequence(self.mode.channels, WordStream(draws, self.ids[transmitter], "hops"))
+            words = WordStream(draws, self.ids[transmitter], "phases")
+            pair = self._join(transmitter, receiver, words, order)
             self.agenda.at(pair.begins_ns, SIGNAL_STARTS, transmitter, self._slot, pair, 0)
 
     def _join(self, transmitter: int, receiver: int, words: WordStream, order: tuple[int, ...]) -> _Pair:

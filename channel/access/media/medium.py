@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from channel.access.agenda import ACTS, Agenda
 from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import AirFrame, Foreseeing, Rows, World
+from channel.access.world import AirFrame, Foreseeing, Identified, Rows, World
 
 if TYPE_CHECKING:
     from channel.access.air import Air
@@ -32,6 +32,7 @@ class AccessMedium(ABC):
     that it is for, all others, or those of a group.
 
     Attributes:
+        ids: of its nodes, by number: by them they draw, and come one after the other at one instant.
         agenda: what happens when.
         air: what its receivers hear; None: they sense no carrier.
     """
@@ -40,7 +41,8 @@ class AccessMedium(ABC):
 
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
         self.world = world
-        self.agenda = Agenda()
+        self.ids, order = _ids(world)
+        self.agenda = Agenda(order)
         self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
         self._max_length_bytes = max_length_bytes
         self._outcomes: list[Outcome | AirFates] = []
@@ -190,6 +192,16 @@ class AccessMedium(ABC):
             self._book(packet, receiver, None, 0, loss)
         if packet.to is not None:
             self._tell(Reply(packet, self.agenda.now_ns, acknowledged=False, attempts=0))
+
+
+def _ids(world: World) -> tuple[Mapping[int, str], Mapping[int, int]]:
+    """The id of each node, and its place by these; its number where it has none."""
+    nodes = list(world.nodes)
+    if not isinstance(world, Identified):
+        return {node: str(node) for node in nodes}, {}
+    ids = dict(zip(nodes, world.ids, strict=True))
+    places = sorted(nodes)
+    return ids, dict(zip(sorted(nodes, key=ids.__getitem__), places, strict=True))
 
 
 def _order(outcome: Outcome) -> tuple[int, int, int, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from channel.access.air import Air, DeafEar, Hearing
 from channel.access.media.medium import AccessMedium
@@ -17,16 +17,22 @@ class PlainMedium(AccessMedium):
 
     Args:
         world: nodes, powers, delays.
-        timing: of frames.
+        timing: of frames: one for all, or by who transmits them.
         limits: of queues.
         hearing: how receivers hear.
     """
 
     def __init__(
-        self, world: World, timing: FrameTiming, limits: QueueLimits | None, hearing: Hearing | None
+        self,
+        world: World,
+        timing: FrameTiming | Mapping[int, FrameTiming],
+        limits: QueueLimits | None,
+        hearing: Hearing | None,
     ) -> None:
-        super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
-        self._timing = timing
+        timings = timing if isinstance(timing, Mapping) else dict.fromkeys(world.nodes, timing)
+        longest_bytes = max(each.max_length_bytes for each in timings.values())
+        super().__init__(world, limits or QueueLimits(), longest_bytes)
+        self._timing_of = timings
         self._air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
         self._receivers = self._air.join({node: DeafEar() for node in world.nodes})
         self.air = self._air
@@ -44,11 +50,11 @@ class PlainMedium(AccessMedium):
         Args:
             packet: what is sent.
             then: what comes next.
-            timing: of this frame; that of all unless given.
+            timing: of this frame; its transmitter's unless given.
             bit_rate_bps: at which errors are reckoned; the radio's unless given.
         """
-        timing = timing or self._timing
         node, now_ns = packet.node, self.agenda.now_ns
+        timing = timing or self._timing_of[node]
         number = self._numbers[node]
         self._numbers[node] += 1
         ended_ns = now_ns + timing.duration_ns(packet.length_bytes)

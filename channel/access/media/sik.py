@@ -201,7 +201,7 @@ class Sik(AccessMedium):
         )
         first: tuple[int, int, int] | None = None
         for node in nodes:
-            words = WordStream(self._draws, str(node), "sik")
+            words = WordStream(self._draws, self.ids[node], "sik")
             phase, hop, sub_ns = (words.below(n) for n in (timing.round, len(order), self.settings.tick_ns))
             phase = set_to.get(node, phase) % timing.round
             if first is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +26,7 @@ class Tdma(PlainMedium):
 
     Args:
         world: nodes, powers, delays.
-        timing: of frames, at the bit rate of slots that have none of their own.
+        timing: of frames, at the bit rate of slots that have none of their own: one for all, or by who transmits them.
         schedule: of slots; a packet that none of its node's slots has room for is too long.
         limits: of queues.
         hearing: how receivers hear.
@@ -37,7 +38,7 @@ class Tdma(PlainMedium):
     def __init__(
         self,
         world: World,
-        timing: BitRate,
+        timing: BitRate | Mapping[int, BitRate],
         schedule: Schedule[int],
         limits: QueueLimits | None = None,
         hearing: Hearing | None = None,
@@ -47,9 +48,12 @@ class Tdma(PlainMedium):
             raise ValueError(f"slots of nodes {sorted(unknown)}, which are not on this network")
         super().__init__(world, timing, limits, hearing)
         self._round_ns = schedule.round_ns
-        self._timings = {slot: _timing_of(slot, timing) for slot in schedule.slots}
+        timings = timing if isinstance(timing, Mapping) else dict.fromkeys(world.nodes, timing)
+        self._timings = {
+            (slot, node): _timing_in(slot, timings[node]) for slot in schedule.slots for node in slot.nodes
+        }
         for index, slot in enumerate(schedule.slots):
-            empty_ns = self._timings[slot].duration_ns(0)
+            empty_ns = max((self._timings[slot, node].duration_ns(0) for node in slot.nodes), default=0)
             if empty_ns > slot.room_ns:
                 text = f"its {slot.room_ns} ns have no room for an empty frame, which takes {empty_ns} ns"
                 raise ValueError(f"slots.{index}: {text}")
@@ -79,7 +83,8 @@ class Tdma(PlainMedium):
     def _enter(self, packet: AirPacket) -> None:
         length_bytes = min(packet.length_bytes, self._max_length_bytes)
         fitting = (
-            slot.takes(packet.priority) and self._timings[slot].duration_ns(length_bytes) <= slot.room_ns
+            slot.takes(packet.priority)
+            and self._timings[slot, packet.node].duration_ns(length_bytes) <= slot.room_ns
             for slot in self._slots[packet.node]
         )
         if any(fitting):
@@ -104,7 +109,7 @@ class Tdma(PlainMedium):
     def _send(self, node: int, slot: Slot[int], until_ns: int) -> None:
         """Send the next packet of the slot's class if it fits; else the node waits for its next slot, if it has any."""
         packet, now_ns = self._first(node, slot.priority), self.agenda.now_ns
-        timing = self._timings[slot]
+        timing = self._timings[slot, node]
         if packet is not None and now_ns + timing.duration_ns(packet.length_bytes) <= until_ns:
             self._next(node, slot.priority)
             then = partial(self._sent, node, slot, until_ns)
@@ -118,6 +123,6 @@ class Tdma(PlainMedium):
         self.agenda.at(self.agenda.now_ns, ACTS, node, self._send, node, slot, until_ns)
 
 
-def _timing_of(slot: Slot[int], timing: BitRate) -> BitRate:
+def _timing_in(slot: Slot[int], timing: BitRate) -> BitRate:
     """Of frames in a slot."""
     return timing if slot.bit_rate_bps is None else replace(timing, bitrate_bps=slot.bit_rate_bps)

@@ -17,4 +17,4 @@ class AirTimeMedium(Serial):
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium."""
         hearing = self.hearing(surroundings)
-        return AirTime(surroundings.world, self.timing(surroundings), self.queue.limits, hearing)
+        return AirTime(surroundings.world, self.timings(surroundings), self.queue.limits, hearing)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
 from channel.access.air import Hearing
 from channel.access.carriers import Carriers
+from channel.access.leaks import Leaks
 from channel.access.queue import QueueLimits
 from channel.access.timing import NS_PER_S, BitRate
 from channel.access.world import World
@@ -26,6 +27,27 @@ ENERGY_OVER_PREAMBLE_DB = 20.0
 """IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
 
 
+class RadioOnAir(NamedTuple):
+    """A node's radio as media see it.
+
+    Attributes:
+        bit_rate_bps: at which it transmits.
+        bandwidth_hz: of what it transmits.
+        filter_rows: of its receiver (`channel.phy.spectrum`).
+    """
+
+    bit_rate_bps: float
+    bandwidth_hz: float
+    filter_rows: Rows
+
+    @classmethod
+    def of(cls, config: RadioConfig) -> RadioOnAir:
+        """That of a configuration."""
+        return cls(
+            config.bit_rate_bps, config.bandwidth_hz, config.interference.filter_rows(config.bandwidth_hz)
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """What a medium is opened in.
@@ -34,38 +56,57 @@ class Surroundings:
         world: its nodes, and what lies between them.
         nodes: the place of each id among them.
         seed: of the run.
-        bit_rate_bps: of the radio.
         noise_floor_dbm: of the quietest receiver.
-        bandwidth_hz: of the radio.
-        filter_rows: of its receiver (`channel.phy.spectrum`).
+        radios: of each node, by its place.
     """
 
     world: World
     nodes: Mapping[str, int]
     seed: int
-    bit_rate_bps: float
     noise_floor_dbm: float
-    bandwidth_hz: float
-    filter_rows: Rows
+    radios: Mapping[int, RadioOnAir]
 
     @classmethod
     def of(
-        cls, world: World, nodes: Mapping[str, int], seed: int, config: RadioConfig, noise_floor_dbm: float
+        cls,
+        world: World,
+        nodes: Mapping[str, int],
+        seed: int,
+        configs: RadioConfig | Mapping[str, RadioConfig],
+        noise_floor_dbm: float,
     ) -> Surroundings:
-        """Those of nodes with a radio."""
-        filter_rows = config.interference.filter_rows(config.bandwidth_hz)
-        bit_rate_bps = config.bit_rate_bps
-        return cls(world, nodes, seed, bit_rate_bps, noise_floor_dbm, config.bandwidth_hz, filter_rows)
+        """Those of nodes with one radio for all, or one each."""
+        if isinstance(configs, Mapping):
+            known = {id(config): RadioOnAir.of(config) for config in configs.values()}
+            radios = {place: known[id(configs[node])] for node, place in nodes.items()}
+        else:
+            radios = dict.fromkeys(nodes.values(), RadioOnAir.of(configs))
+        return cls(world, nodes, seed, noise_floor_dbm, radios)
 
-    def leaks(self, spacing_hz: float, count: int) -> tuple[float, ...]:
-        """The shares of power that a receiver takes in from signals 1, 2, ... ``count`` channels away."""
-        found = []
-        for distance in range(1, count + 1):
-            offset_hz = distance * spacing_hz
-            if not reaches(offset_hz, self.bandwidth_hz, self.filter_rows):
-                break
-            found.append(float(ratio_from_db(captured_db(offset_hz, self.bandwidth_hz, self.filter_rows))))
-        return tuple(found)
+    @property
+    def bit_rate_bps(self) -> float:
+        """Of all radios.
+
+        Raises:
+            ValueError: they have several.
+        """
+        rates_bps = {node: self.radios[place].bit_rate_bps for node, place in self.nodes.items()}
+        (first, rate_bps), *_ = rates_bps.items()
+        for node, other_bps in rates_bps.items():
+            if other_bps != rate_bps:
+                raise ValueError(
+                    f"medium: it has one bit rate for all, and node {first} has {rate_bps:g} bit/s, "
+                    f"node {node} {other_bps:g} bit/s"
+                )
+        return rate_bps
+
+    def leaks(self, spacing_hz: float, count: int) -> Leaks:
+        """The shares of power that receivers take in from signals 1, 2, ... ``count`` channels away."""
+        kinds = list(dict.fromkeys(self.radios.values()))
+        return Leaks(
+            {node: kinds.index(radio) for node, radio in self.radios.items()},
+            tuple(tuple(_leaks(tx, rx, spacing_hz, count) for rx in kinds) for tx in kinds),
+        )
 
     def place(self, node: str) -> int:
         """The place of an id.
@@ -76,6 +117,17 @@ class Surroundings:
         if node not in self.nodes:
             raise ValueError(f"medium: node {node} is not there; there are {', '.join(self.nodes)}")
         return self.nodes[node]
+
+
+def _leaks(tx: RadioOnAir, rx: RadioOnAir, spacing_hz: float, count: int) -> tuple[float, ...]:
+    """The shares of one's power that another takes in, 1, 2, ... ``count`` channels away."""
+    found = []
+    for distance in range(1, count + 1):
+        offset_hz = distance * spacing_hz
+        if not reaches(offset_hz, tx.bandwidth_hz, rx.filter_rows):
+            break
+        found.append(float(ratio_from_db(captured_db(offset_hz, tx.bandwidth_hz, rx.filter_rows))))
+    return tuple(found)
 
 
 class Queue(Settings):
@@ -193,18 +245,30 @@ class Serial(Shared):
     """A plain radio: preamble, header and packet at one bit rate."""
 
     bit_rate_bps: float | None = Field(
-        default=None, gt=0.0, le=1e12, description="on the air; the radio's unless given"
+        default=None,
+        gt=0.0,
+        le=1e12,
+        description="on the air, of all nodes; that of each one's radio unless given",
     )
     preamble_s: float = Field(default=0.0, ge=0.0, le=1.0, description="before each frame")
     header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
     max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
 
+    def timings(self, surroundings: Surroundings) -> dict[int, BitRate]:
+        """Of frames, by who transmits them."""
+        return {node: self._timing_at(radio.bit_rate_bps) for node, radio in surroundings.radios.items()}
+
     def timing(self, surroundings: Surroundings) -> BitRate:
-        """Of frames."""
-        bit_rate_bps = surroundings.bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps
-        return BitRate(
-            bit_rate_bps, round(self.preamble_s * NS_PER_S), self.header_bytes, self.max_length_bytes
-        )
+        """Of frames, whoever transmits them.
+
+        Raises:
+            ValueError: radios of several bit rates, and none for all.
+        """
+        return self._timing_at(surroundings.bit_rate_bps if self.bit_rate_bps is None else self.bit_rate_bps)
+
+    def _timing_at(self, radio_bps: float) -> BitRate:
+        rate_bps = radio_bps if self.bit_rate_bps is None else self.bit_rate_bps
+        return BitRate(rate_bps, round(self.preamble_s * NS_PER_S), self.header_bytes, self.max_length_bytes)
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:
         """Bits of packets of a length per second, if one sender sends them back to back."""

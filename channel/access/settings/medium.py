@@ -29,6 +29,23 @@ def name_of(settings: Variant) -> str:
     return str(getattr(settings, "model", type(settings).__name__))
 
 
+def rate_mistake(settings: MediumSettings, first_bps: float, other_bps: float) -> str:
+    """Why two radios of these bit rates cannot share a medium; empty if they can.
+
+    A medium that says itself how long frames last, by a rate of its own, says so of all nodes.
+    """
+    has_own_rate = (
+        isinstance(settings, CsmaMedium | ElrsMedium | SikMedium)
+        or getattr(settings, "bit_rate_bps", None) is not None
+    )
+    if first_bps == other_bps or not has_own_rate:
+        return ""
+    return (
+        f"its bit_rate_bps is {other_bps:g} bit/s, that of the first {first_bps:g} bit/s: with the medium "
+        f"{name_of(settings)} frames of all nodes last as long as at one rate"
+    )
+
+
 def carriers_of(settings: MediumSettings) -> Carriers | None:
     """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
     found: Carriers | None = getattr(settings, "carriers", Carriers)()

@@ -60,7 +60,7 @@ class TdmaMedium(Serial):
         Raises:
             ValueError: a slot of a node that is not there, or slots too short for any packet.
         """
-        timing, hearing = self.timing(surroundings), self.hearing(surroundings)
+        timing, hearing = self.timings(surroundings), self.hearing(surroundings)
         try:
             schedule = self._by_id(surroundings.nodes).placed(surroundings.place)
             return Tdma(surroundings.world, timing, schedule, self.queue.limits, hearing)

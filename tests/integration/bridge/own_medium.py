@@ -31,7 +31,7 @@ class PatientMedium(Serial):
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium."""
-        timing, hearing = self.timing(surroundings), self.hearing(surroundings)
-        medium = Patient(surroundings.world, timing, self.queue.limits, hearing)
+        timings, hearing = self.timings(surroundings), self.hearing(surroundings)
+        medium = Patient(surroundings.world, timings, self.queue.limits, hearing)
         medium.wait_ns = round(self.wait_s * 1e9)
         return medium

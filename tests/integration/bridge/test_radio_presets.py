@@ -66,7 +66,8 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[str], Ru
             "fdm": {"standin_rate_hz": 100},
             "transmit": FLAT,
             "ports": {"first_slot": free_slot(1), "zenoh": 0},
-            "radio": {"preset": preset, "base_loss": 0.0, "bursts": {"model": "none"}},
+            "radio": {"preset": preset, "base_loss": 0.0, "bursts": {"model": "none"}}
+            | ({"medium": {"bad_s": 0.0}} if preset in NETWORKS else {}),
             "nodes": nodes,
         }
         return warm.flown(scenario, tmp_path / "run")

@@ -383,6 +383,33 @@ def test_a_program_beside_the_run_gets_what_the_sensor_of_its_node_tells(start_r
     assert run.finish() == 0, run.output.decode()
 
 
+def test_in_the_record_a_sensor_on_the_ground_is_the_base_and_one_on_a_ua_is_not(start_run: StartRun) -> None:
+    """TR 36.777, RMa-AV without line of sight, by hand: the aircraft at 100 m, or a UA that counts as at 10 m."""
+    law = {"model": "rma-av", "outside": "clamp", "line_of_sight": "never"}
+    radio = PLAIN | {"shadowing": {"model": "none"}, "propagation": law}
+    sensor = {"radio": radio, "rate_hz": 20}
+    high = {
+        "id": "high",
+        "kind": "emitter",
+        "place": {"north_m": 1000.0, "height_m": 100.0},
+        "frequency_hz": CARRIER_HZ,
+        "power_dbm": 20.0,
+    }
+    tower = {"id": "tower", "kind": "ground", "place": {"height_m": 2.0}, "agent": STILL_AGENT}
+    ua = {"id": 0, "agent": STILL_AGENT, "home": {"east_m": 5.0}}
+    run = start_run(
+        scenario=scenario([ua | {"sensor": sensor}, tower | {"sensor": sensor}, high]), duration_s=1.0
+    )
+    assert run.finish() == 0, run.output.decode()
+    for node, aircraft_m in (("tower", 40.0), ("0", 10.0)):
+        rows = columns(run, MEASUREMENTS, node=node)
+        slope = 35.0 - 5.3 * np.log10(aircraft_m)
+        f_db = 20.0 * np.log10(40.0 * np.pi * CARRIER_HZ / 1e9 / 3.0)
+        expected_dbm = 32.0 - slope * np.log10(rows["distance_m"]) - f_db
+        assert len(expected_dbm) > 10
+        assert rows["mean_power_dbm"] == pytest.approx(expected_dbm, abs=1e-3)
+
+
 def seen_by(run: Run, node: str, name: str) -> list[dict[str, object]]:
     """What an agent wrote."""
     lines = (run.directory / "agents" / node / f"{name}.jsonl").read_text().splitlines()

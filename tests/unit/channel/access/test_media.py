@@ -386,7 +386,7 @@ def test_a_setting_has_the_headers_on_the_air_and_in_what_is_carried() -> None:
         settings = CsmaMedium(header_bytes=header_bytes)
         carried_bps = 8 * DATAGRAM_BYTES / (28_000 + 7.5 * 9_000 + frame_ns) * 1e9
         assert settings.capacity_bps(DATAGRAM_BYTES, 0.0) == pytest.approx(carried_bps)
-        surroundings = Surroundings(PlainWorld((0, 1)), {"0": 0, "1": 1}, 1, 6e6, -95.0, 20e6, ())
+        surroundings = Surroundings(PlainWorld((0, 1)), {"0": 0, "1": 1}, 1, -95.0, {})
         medium = settings.open(surroundings)
         medium.offer(AirPacket(0, 0, None, DATAGRAM_BYTES, 0))
         [fate] = [one for one in medium.run(S) if isinstance(one, AirFate)]

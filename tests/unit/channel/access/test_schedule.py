@@ -7,6 +7,7 @@ from math import erfc, log10, pi, sqrt
 import pytest
 
 from channel.access.air import Hearing
+from channel.access.leaks import Leaks
 from channel.access.media.schedule import Schedule, Slot
 from channel.access.media.tdma import Tdma
 from channel.access.packets import AirFate, AirPacket, Loss
@@ -60,7 +61,7 @@ def test_two_slots_at_once_on_two_channels(adjacent: tuple[float, ...], losses: 
         Slot((2,), 0, 20 * MS, channel=2, listeners=(3,)),
     )
     packets = [AirPacket(0, 0, 1, 100, 0), AirPacket(2, 0, 3, 100, 0), AirPacket(2, 1, 1, 100, 0)]
-    found = fates(slots, packets, PlainWorld(range(4)), Hearing(adjacent=adjacent))
+    found = fates(slots, packets, PlainWorld(range(4)), Hearing(adjacent=Leaks.of_all(*adjacent)))
     assert (found[0, 0, 1].started_ns, found[2, 0, 3].started_ns) == (0, 0)
     assert {found[0, 0, 1].loss, found[2, 0, 3].loss} == losses
     assert found[2, 1, 1].loss is Loss.NO_LOCK  # node 1 listens on the other channel

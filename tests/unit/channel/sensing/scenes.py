@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -45,6 +45,7 @@ def measured(
     *,
     seed: int = 1,
     ticks: int = 1,
+    bases: Collection[str] = (),
 ) -> Measured:
     """All measurements of a flight.
 
@@ -54,8 +55,9 @@ def measured(
         ways: of sensors and emitters by name: a place, or one for each tick.
         seed: of the run.
         ticks: how many.
+        bases: sensors on the ground.
     """
-    sensing = Sensing(sensors, emitters, seed=seed)
+    sensing = Sensing(sensors, emitters, seed=seed, bases=bases)
     tracks = {name: np.broadcast_to(way, (ticks, 3)) for name, way in ways.items()}
     found = []
     for tick in range(ticks):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from channel.checks import ChannelInputError
 from channel.link.emitters.emitter import Emitter
+from channel.link.radio import Radio
 from channel.sensing.measured import OUTCOMES, Measured, SensingOutcome
 from channel.sensing.sensing import Sensing
+from channel.sensing.sensor import Sensor
 from tests.unit.channel.sensing.scenes import CARRIER_HZ, PLAIN, config, emitter, law_dbm, measured, told
 
 HERE = np.array([0.0, 0.0, -40.0])
@@ -93,6 +97,51 @@ def test_the_mean_is_the_link_budget_from_emitter_to_sensor() -> None:
     assert found.mean_power_dbm == pytest.approx([float(each) for each in expected], abs=1e-6)
     assert found.reading_dbm == pytest.approx(found.mean_power_dbm, abs=0.01)
     assert (found.shadowing_db.tolist(), found.fading_db.tolist()) == ([0.0] * 3, [0.0] * 3)
+
+
+def rma_av_without_sight_dbm(distance_m: float, aircraft_m: float) -> float:
+    """Of 20 dBm: TR 36.777 V15.0.0, table B-2, RMa-AV without line of sight."""
+    f_db = 20.0 * math.log10(40.0 * math.pi * CARRIER_HZ / 1e9 / 3.0)
+    clear_db = max(23.9 - 1.8 * math.log10(aircraft_m), 20.0) * math.log10(distance_m) + f_db
+    slope = 35.0 - 5.3 * math.log10(min(max(aircraft_m, 10.0), 40.0))
+    return 20.0 - max(clear_db, -12.0 + slope * math.log10(distance_m) + f_db)
+
+
+ROLES = PLAIN | {"propagation": {"model": "rma-av", "outside": "clamp", "line_of_sight": "never"}}
+
+
+@pytest.mark.parametrize(
+    ("sensor_m", "emitter_m", "bases", "aircraft_m"),
+    [
+        (2.0, 100.0, ["0"], 100.0),
+        (
+            100.0,
+            2.0,
+            ["0"],
+            10.0,
+        ),  # a mast, and what creeps along the ground counts as the aircraft: at 10 m, clamped
+        (2.0, 100.0, [], 10.0),
+        (100.0, 2.0, [], 100.0),
+    ],
+)
+def test_a_sensor_on_the_ground_is_the_base_as_a_radio_there_is(
+    sensor_m: float, emitter_m: float, bases: list[str], aircraft_m: float
+) -> None:
+    """By the table, as interference of the emitter at a radio in the sensor's place, and as agents reckon it."""
+    here, there = np.array([0.0, 0.0, -sensor_m]), np.array([1000.0, 0.0, -emitter_m])
+    sensor, ways = config(ROLES), {"0": here, "beacon": there}
+    found = measured({"0": sensor}, [emitter()], ways, bases=bases)
+    expected_dbm = rma_av_without_sight_dbm(math.hypot(1000.0, emitter_m - sensor_m), aircraft_m)
+    assert found.mean_power_dbm == pytest.approx([expected_dbm], abs=1e-9)
+    radio = Radio(sensor.radio, [emitter()])
+    path = radio.path(
+        position_tx_ned_m=[0.0, 10.0, -50.0], position_rx_ned_m=here, base="rx" if bases else "tx"
+    )
+    noise_dbm = float(np.asarray(radio.noise_dbm(path._replace(emitters_ned_m={"beacon": there}))))
+    watts = 10.0 ** (noise_dbm / 10.0) - 10.0 ** (radio.noise_floor_dbm / 10.0)
+    assert 10.0 * math.log10(watts) == pytest.approx(expected_dbm, abs=1e-3)
+    known = Sensor(sensor, is_base=bool(bases)).expected_power_dbm(there, here, power_dbm=20.0)
+    assert float(known) == pytest.approx(expected_dbm, abs=1e-9)
 
 
 def test_only_what_is_in_the_band_is_measured() -> None:

@@ -186,14 +186,16 @@ def test_what_a_packet_needs(radio: str, payload: int, packet_s: float) -> None:
     assert capacity(radio).packet_s("0", payload) == pytest.approx(packet_s)
 
 
-def test_a_network_of_several_bit_rates_has_that_of_its_first_node_as_in_a_run() -> None:
-    """92 bytes and 12 of header at 64 kb/s, whoever sends them."""
+def test_a_packet_needs_the_time_that_it_takes_at_its_senders_bit_rate() -> None:
+    """92 bytes and 12 of header at 64 kb/s, and at 250 kb/s from node 2."""
     scenario = scenario_of(AIRTIME, NODES)
     medium = {"model": "airtime", "preamble_s": 0.002, "header_bytes": 12}
     fast = {"preset": "telemetry-915", "bit_rate_bps": 250e3, "medium": medium}
     nodes = tuple(n.model_copy(update={"radio": fast}) if n.node == "2" else n for n in scenario.nodes)
     found = Capacity.of(scenario.model_copy(update={"nodes": nodes}))
-    assert [found.packet_s(node, 92) for node in NODES] == pytest.approx(3 * [0.002 + 8 * 104 / 64e3])
+    rates_bps = [250e3 if node == "2" else 64e3 for node in NODES]
+    expected_s = [0.002 + 8 * 104 / rate_bps for rate_bps in rates_bps]
+    assert [found.packet_s(node, 92) for node in NODES] == pytest.approx(expected_s)
 
 
 def test_an_account_of_too_much_for_a_bit_rate_warns_and_says_it_in_numbers() -> None:
