@@ -389,5 +389,6 @@ def power_at_reference_dbm(base: RadioConfig, reference_m: float) -> float:
     at_reference = Path(base.frequency_hz, np.asarray(reference_m), 1.0, 1.0)
     gains = base.antenna.towards_db(np.array([[1.0, 0.0, 0.0]]))
     receive = base.receiving_antenna.towards_db(np.array([[-1.0, 0.0, 0.0]]))
-    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive) - 2.0 * base.cable_loss_db
+    cables_db = base.cable_loss_db + base.receiving_cable_loss_db
+    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive) - cables_db
     return float(fixed - base.propagation.path_loss_db(at_reference))
