@@ -115,7 +115,7 @@ class Likelihood:
         self._far = float(np.average(self._decades, weights=np.maximum(1.0 - log.delivered, 1e-3)))
         """Decades of distance at which packets are lost."""
         self._power_at_reference = power_at_reference_dbm(base, reference_m)
-        self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz, base.frequency_hz)
+        self._floor_dbm = base.noise_floor_dbm
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
         self._groups = []
         for length in np.unique(log.length_bytes):

@@ -92,7 +92,7 @@ class Radio:
         self._disturbance = Disturbance(config, emitters, self)
         self.emitters, self.sources = self._disturbance.emitters, self._disturbance.sources
         self.interference_varies = self._disturbance.varies
-        self.noise_floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz, config.frequency_hz)
+        self.noise_floor_dbm = config.noise_floor_dbm
         self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
         self.needs_attitude = config.polarisation is not None or any(
             antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
