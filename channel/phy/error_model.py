@@ -37,7 +37,7 @@ class ErrorModel(Protocol):
 
     @property
     def breaks_db(self) -> tuple[float, ...]:
-        """SNRs at which the packet error rate jumps."""
+        """SNRs at which the packet error rate jumps or bends, from low to high."""
         ...
 
     def ber(self, snr_db: FloatArray, band: Band, /) -> FloatArray:
@@ -184,7 +184,7 @@ class Threshold(Variant):
         return np.where(below, 1.0, np.multiply(length_bytes, 0.0))
 
 
-class SnrTable(Smooth):
+class SnrTable(Variant):
     """A measured curve: packet error rates by SNR at one length, between them linear in SNR.
 
     Beyond its ends the table stays at its last value. Other lengths follow from the same error rate per byte:
@@ -205,6 +205,11 @@ class SnrTable(Smooth):
         if np.any((per < 0.0) | (per > 1.0)) or np.any(np.diff(per) > 0.0):
             raise ValueError("per has to be in [0, 1] and must not rise with SNR")
         return self
+
+    @property
+    def breaks_db(self) -> tuple[float, ...]:
+        """The SNRs of the rows."""
+        return tuple(snr_db for snr_db, _ in self.table)
 
     def _reference_per(self, snr_db: FloatArray) -> FloatArray:
         grid_db, per = np.asarray(self.table).T
