@@ -22,7 +22,7 @@ from channel.fading.shadowing import (
 from channel.own import own_models
 from channel.phy.error_model import ErfcBytes, Lossless, NoncoherentFsk, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
-from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise
+from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise, noise_behind_cable_dbm
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
@@ -213,3 +213,9 @@ class RadioConfig(Settings):
     def receiving_cable_loss_db(self) -> float:
         """What the receiver's cable takes, dB."""
         return self.cable_loss_db if self.receive_cable_loss_db is None else self.receive_cable_loss_db
+
+    @property
+    def noise_floor_dbm(self) -> float:
+        """The noise power at the receiver, behind its cable, dBm."""
+        cable_loss_db = self.receiving_cable_loss_db
+        return noise_behind_cable_dbm(self.noise, self.bandwidth_hz, self.frequency_hz, cable_loss_db)

@@ -56,6 +56,8 @@ ACK_BYTES, CTS_BYTES, RTS_BYTES = 14, 14, 20
 """IEEE 802.11-2020, 9.3: a data frame with three addresses, LLC and SNAP in its body; control frames with FCS."""
 
 LOWEST_B_MBPS, LOWEST_OFDM_MBPS = 1.0, 6.0
+SHORT_FROM_MBPS = 2.0
+"""IEEE 802.11-2020, 16.2.2.3: the body of a frame with the short preamble is at 2 Mb/s or more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class Wifi:
         slot_ns, sifs_ns: of the PHY.
         cw_min, cw_max: contention windows, slots.
         preamble_ns: preamble and PLCP header.
+        short_preamble_ns: of frames at 2 Mb/s or more, if these have the short one; None: they have not.
         symbol_ns: of OFDM; 0: DSSS, which has none.
         extension_ns: signal extension after an OFDM frame at 2.4 GHz.
         header_bytes: MAC header, LLC and FCS.
@@ -82,6 +85,7 @@ class Wifi:
     cw_min: int
     cw_max: int
     preamble_ns: int
+    short_preamble_ns: int | None = None
     symbol_ns: int = 0
     extension_ns: int = 0
     header_bytes: int = MAC_HEADER_BYTES + LLC_BYTES + FCS_BYTES
@@ -113,8 +117,11 @@ class Wifi:
         return self._ns(length_bytes, self.basic_rate_mbps)
 
     def _ns(self, length_bytes: int, rate_mbps: float) -> int:
-        if not self.symbol_ns:
-            return self.preamble_ns + ceil(8 * length_bytes / rate_mbps * US - 1e-6)
+        if not self.symbol_ns:  # bits last whole microseconds, rounded up (16.3.4)
+            preamble_ns = self.preamble_ns
+            if self.short_preamble_ns is not None and rate_mbps >= SHORT_FROM_MBPS:
+                preamble_ns = self.short_preamble_ns
+            return preamble_ns + ceil(8 * length_bytes / rate_mbps - 1e-9) * US
         bits_per_symbol = rate_mbps * self.symbol_ns / US
         symbols = ceil((22 + 8 * length_bytes) / bits_per_symbol - 1e-9)  # service and tail bits (17.4.3)
         return self.preamble_ns + symbols * self.symbol_ns + self.extension_ns
@@ -123,9 +130,16 @@ class Wifi:
 def wifi_b(rate_mbps: float = 11.0, basic_rate_mbps: float = 1.0, *, short_preamble: bool = False) -> Wifi:
     """802.11b."""
     _known("802.11b", rate_mbps, (1.0, 2.0, 5.5, 11.0))
-    preamble_ns = (96 if short_preamble else 192) * US
     return Wifi(
-        rate_mbps, basic_rate_mbps, 20 * US, 10 * US, 31, 1023, preamble_ns, lowest_rate_mbps=LOWEST_B_MBPS
+        rate_mbps,
+        basic_rate_mbps,
+        20 * US,
+        10 * US,
+        31,
+        1023,
+        192 * US,
+        96 * US if short_preamble else None,
+        lowest_rate_mbps=LOWEST_B_MBPS,
     )
 
 
@@ -150,7 +164,7 @@ def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float
         15,
         1023,
         int(20 * US / clock),
-        int(4 * US / clock),
+        symbol_ns=int(4 * US / clock),
         lowest_rate_mbps=LOWEST_OFDM_MBPS * clock,
     )
 
@@ -166,8 +180,8 @@ def wifi_g(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0) -> Wifi:
         15,
         1023,
         20 * US,
-        4 * US,
-        6 * US,
+        symbol_ns=4 * US,
+        extension_ns=6 * US,
         lowest_rate_mbps=LOWEST_OFDM_MBPS,
     )
 

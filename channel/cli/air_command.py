@@ -19,7 +19,7 @@ from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import Sik, SikSettings
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
-from channel.access.settings.csma import ENERGY_DBM
+from channel.access.settings.csma import standard_energy_dbm
 from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
 from channel.access.trial import Carried, Load, under_load
 from channel.access.world import PlainWorld, World
@@ -211,7 +211,9 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
             header_bytes=options["header_bytes"],
         )
         if options["radio"]:
-            hearing = Hearing(hearing.preamble_mw, float(ratio_from_db(ENERGY_DBM)))
+            hearing = Hearing(
+                hearing.preamble_mw, float(ratio_from_db(standard_energy_dbm(options["standard"])))
+            )
         return Csma(
             world, _wifi(options), seed=options["seed"], settings=settings, limits=limits, hearing=hearing
         )

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from channel.checks import FloatArray
-from channel.fading.quadrature import gauss_legendre, standard_normal_rule, uniform_from_normal
+from channel.fading.quadrature import (
+    gauss_legendre,
+    split_gauss_legendre,
+    split_normal_rule,
+    standard_normal_rule,
+    uniform_from_normal,
+)
 from channel.fading.scatter import Scattering
 from channel.numbers import special
 from channel.numbers.units import db_from_ratio, ratio_from_db
@@ -23,6 +29,8 @@ SMALLEST_DRAW = 2.0**-53
 """Uniform draws end half a cell before 0 and 1."""
 LOWEST_GAIN = 1e-20
 """Power gains are held above -200 dB, so that their logarithm is finite."""
+GAIN_LIMIT_DB = 300.0
+"""Gains beyond are as rare as this one."""
 NAKAGAMI_STEP_DB = 0.02
 NAKAGAMI_RANGE_DB = (-120.0, 20.0)
 """Of the Rayleigh powers for which the Nakagami law is tabulated; the first 1e-12 of them lie below."""
@@ -31,7 +39,9 @@ NAKAGAMI_RANGE_DB = (-120.0, 20.0)
 class FadingModel(Protocol):
     """A random power gain, given as a function of two uniform variables.
 
-    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw. It
+    may have `chance_below`, its distribution function of gain in dB and elevation, and `split_rule`, which is `rule`
+    with more borders, at gains of shape (links, breaks): averages of what jumps there are exact by them.
     """
 
     @property
@@ -128,7 +138,22 @@ class Rayleigh(CoherentFading):
     def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
         """Return nodes equal in the normal quantile of the gain."""
         z, weights = standard_normal_rule(panels)
-        return db_from_ratio(np.maximum(-np.log(uniform_from_normal(z)), LOWEST_GAIN)), weights
+        return self._at_normal_db(z), weights
+
+    def split_rule(
+        self, _elevation_deg: FloatArray, panels: int, breaks_db: FloatArray, /
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the same with borders at gains, shape (links, nodes)."""
+        z, weights = split_normal_rule(special.ndtri(np.exp(-_gain_at(breaks_db))), panels)
+        return self._at_normal_db(z), weights
+
+    def chance_below(self, gain_db: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
+        """Return 1 - exp(-gain)."""
+        return np.asarray(-np.expm1(-_gain_at(gain_db)))
+
+    @staticmethod
+    def _at_normal_db(z: FloatArray) -> FloatArray:
+        return db_from_ratio(np.maximum(-np.log(uniform_from_normal(z)), LOWEST_GAIN))
 
     def gain_of_scatter_db(
         self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
@@ -155,8 +180,22 @@ class Nakagami(CoherentFading):
     def rule(self, _elevation_deg: FloatArray, panels: int, /) -> tuple[FloatArray, FloatArray]:
         """Return nodes equal in the normal quantile of the gain."""
         z, weights = standard_normal_rule(panels)
+        return self._at_normal_db(z), weights
+
+    def split_rule(
+        self, elevation_deg: FloatArray, panels: int, breaks_db: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the same with borders at gains, shape (links, nodes)."""
+        z, weights = split_normal_rule(special.ndtri(self.chance_below(breaks_db, elevation_deg)), panels)
+        return self._at_normal_db(z), weights
+
+    def chance_below(self, gain_db: FloatArray, _elevation_deg: FloatArray, /) -> FloatArray:
+        """Return the distribution function of the gamma law."""
+        return np.asarray(special.gammainc(self.m, self.m * _gain_at(gain_db)))
+
+    def _at_normal_db(self, z: FloatArray) -> FloatArray:
         gain = special.gammaincinv(self.m, uniform_from_normal(z)) / self.m
-        return db_from_ratio(np.maximum(gain, LOWEST_GAIN)), weights
+        return db_from_ratio(np.maximum(gain, LOWEST_GAIN))
 
     def gain_of_scatter_db(
         self, scatter: ComplexArray, _direct: ComplexArray, _elevation_deg: FloatArray, /
@@ -223,10 +262,31 @@ class Rician(CoherentFading):
 
     def rule(self, elevation_deg: FloatArray, panels: int) -> tuple[FloatArray, FloatArray]:
         """Return nodes in the amplitude, within 8.3 sigma of the direct path, weighted by the Rician density."""
+        return self._weighted(elevation_deg, *gauss_legendre(panels))
+
+    def split_rule(
+        self, elevation_deg: FloatArray, panels: int, breaks_db: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the same with borders at gains, shape (links, nodes)."""
+        _, _, low, high = self._amplitudes(elevation_deg)
+        borders = (np.sqrt(_gain_at(breaks_db)) - low) / (high - low)
+        return self._weighted(elevation_deg, *split_gauss_legendre(borders, panels))
+
+    def chance_below(self, gain_db: FloatArray, elevation_deg: FloatArray) -> FloatArray:
+        """Return the distribution function, by that of the non-central chi-squared law with two degrees of freedom."""
+        k = self.k_ratio(elevation_deg)
+        return np.asarray(special.chndtr(2.0 * (k + 1.0) * _gain_at(gain_db), 2.0, 2.0 * k))
+
+    def _amplitudes(self, elevation_deg: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return that of the direct path, its spread, and the least and the largest, shape (..., 1)."""
         k = self.k_ratio(elevation_deg)[..., np.newaxis]
         direct, spread = np.sqrt(k / (k + 1.0)), np.sqrt(0.5 / (k + 1.0))
-        low, high = np.maximum(direct - 8.3 * spread, 0.0), direct + 8.3 * spread
-        t, weights = gauss_legendre(panels)
+        return direct, spread, np.maximum(direct - 8.3 * spread, 0.0), direct + 8.3 * spread
+
+    def _weighted(
+        self, elevation_deg: FloatArray, t: FloatArray, weights: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        direct, spread, low, high = self._amplitudes(elevation_deg)
         amplitude = low + (high - low) * t
         density = amplitude / spread**2 * np.exp(-0.5 * ((amplitude - direct) / spread) ** 2)
         density = density * special.i0e(amplitude * direct / spread**2)
@@ -253,6 +313,11 @@ def scatter_gain_db(
     first = np.clip(np.exp(-_power(scatter)), 1e-300, 1.0 - 2.0**-53)
     second = np.clip(np.angle(scatter) / (2.0 * math.pi) + 0.5, 2.0**-53, 1.0 - 2.0**-53)
     return model.gain_db(first, second, elevation_deg)
+
+
+def _gain_at(gain_db: FloatArray) -> FloatArray:
+    """Return the ratio, within what can be."""
+    return ratio_from_db(np.clip(gain_db, -GAIN_LIMIT_DB, GAIN_LIMIT_DB))
 
 
 def _power(field: ComplexArray) -> FloatArray:

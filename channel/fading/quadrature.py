@@ -50,13 +50,31 @@ def split_normal_rule(breaks: FloatArray, panels: int) -> tuple[FloatArray, Floa
     Returns:
         Two arrays of shape (integrands, nodes).
     """
+    nodes, weights = split_gauss_legendre(breaks, panels, -LIMIT_SIGMA, LIMIT_SIGMA)
+    density = np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
+    return nodes, weights * density
+
+
+def split_gauss_legendre(
+    breaks: FloatArray, panels: int, low: float = 0.0, high: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return nodes t in (low, high) and weights of integrals from there to there, with more borders at the breaks.
+
+    Args:
+        breaks: where each integrand jumps or bends, shape (integrands, breaks); those outside change nothing.
+        panels: equal ones, before the splits, each with 8 Gauss points.
+        low: the lower limit.
+        high: the upper one.
+
+    Returns:
+        Two arrays of shape (integrands, nodes).
+    """
     points, weights = np.polynomial.legendre.leggauss(POINTS_PER_PANEL)
-    even = np.broadcast_to(np.linspace(-LIMIT_SIGMA, LIMIT_SIGMA, panels + 1), (len(breaks), panels + 1))
-    edges = np.sort(np.concatenate((even, np.clip(breaks, -LIMIT_SIGMA, LIMIT_SIGMA)), axis=1), axis=1)
+    even = np.broadcast_to(np.linspace(low, high, panels + 1), (len(breaks), panels + 1))
+    edges = np.sort(np.concatenate((even, np.clip(breaks, low, high)), axis=1), axis=1)
     half = 0.5 * np.diff(edges, axis=1)[..., np.newaxis]
     nodes = 0.5 * (edges[:, 1:] + edges[:, :-1])[..., np.newaxis] + half * points
-    density = np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
-    return nodes.reshape(len(breaks), -1), (half * weights * density).reshape(len(breaks), -1)
+    return nodes.reshape(len(breaks), -1), (half * weights).reshape(len(breaks), -1)
 
 
 def uniform_from_normal(standard_normal: FloatArray) -> FloatArray:

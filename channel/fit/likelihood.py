@@ -115,7 +115,7 @@ class Likelihood:
         self._far = float(np.average(self._decades, weights=np.maximum(1.0 - log.delivered, 1e-3)))
         """Decades of distance at which packets are lost."""
         self._power_at_reference = power_at_reference_dbm(base, reference_m)
-        self._floor_dbm = base.noise.noise_floor_dbm(base.bandwidth_hz, base.frequency_hz)
+        self._floor_dbm = base.noise_floor_dbm
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
         self._groups = []
         for length in np.unique(log.length_bytes):
@@ -389,5 +389,6 @@ def power_at_reference_dbm(base: RadioConfig, reference_m: float) -> float:
     at_reference = Path(base.frequency_hz, np.asarray(reference_m), 1.0, 1.0)
     gains = base.antenna.towards_db(np.array([[1.0, 0.0, 0.0]]))
     receive = base.receiving_antenna.towards_db(np.array([[-1.0, 0.0, 0.0]]))
-    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive) - 2.0 * base.cable_loss_db
+    cables_db = base.cable_loss_db + base.receiving_cable_loss_db
+    fixed = base.transmit_power_dbm + np.sum(gains) + np.sum(receive) - cables_db
     return float(fixed - base.propagation.path_loss_db(at_reference))

@@ -151,17 +151,24 @@ class Sight:
 
         With ``least_db`` within 0.01.
         """
-        elevation = path.elevation_deg if self._config.fading.by_elevation else None
-        out = np.zeros(np.shape(snr_db))
-        for chance, excess_db, sigma_db in self.states(path):
+        shape = np.shape(snr_db)
+
+        def flat(values: FloatArray) -> FloatArray:
+            return np.broadcast_to(values, shape).ravel()
+
+        elevation = flat(path.elevation_deg) if self._config.fading.by_elevation else None
+        each_least = flat(least_db) if isinstance(least_db, np.ndarray) and least_db.ndim else None
+        out = np.zeros(flat(snr_db).shape)
+        for state in self.states(path):
+            chance, excess_db, sigma_db = (flat(each) for each in state)
             for sigma, weight in _tabulated(sigma_db):
                 here = np.flatnonzero(weight)
-                angles = None if elevation is None else np.broadcast_to(elevation, out.shape)[here]
-                curve = self._expectation(sigma)
-                least = least_db[here] if isinstance(least_db, np.ndarray) and least_db.ndim else least_db
-                success = curve.from_table((snr_db - excess_db)[here], lengths.at(here), angles, least)
+                angles = None if elevation is None else elevation[here]
+                least = least_db if each_least is None else each_least[here]
+                at_db = (flat(snr_db) - excess_db)[here]
+                success = self._expectation(sigma).from_table(at_db, lengths.at(here), angles, least)
                 out[here] += weight[here] * chance[here] * success
-        return out
+        return out.reshape(shape)
 
     def _expectation(self, sigma_db: float) -> Expectation:
         expectation = self._expectations.get(sigma_db)

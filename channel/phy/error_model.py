@@ -17,7 +17,9 @@ from channel.phy import golay, modulation
 from channel.variant import Variant
 
 MAX_BER = 1.0 - 2.0**-53
-"""The highest bit error rate that 1 - ber can distinguish from 1: keeps log(1 - ber) finite."""
+"""The highest bit error rate below 1."""
+LOG_OF_NONE = -1e100
+"""For log(1 - ber) where ber is 1: the least part of a packet is lost, and no packet at all is not."""
 BITS_PER_BYTE = 8
 MAX_SNR_DB = 3000.0
 
@@ -35,7 +37,7 @@ class ErrorModel(Protocol):
 
     @property
     def breaks_db(self) -> tuple[float, ...]:
-        """SNRs at which the packet error rate jumps."""
+        """SNRs at which the packet error rate jumps or bends, from low to high."""
         ...
 
     def ber(self, snr_db: FloatArray, band: Band, /) -> FloatArray:
@@ -65,7 +67,7 @@ def packet_error_rate(ber: ArrayLike, trials: ArrayLike) -> FloatArray:
 
 def packet_error(ber: FloatArray, trials: FloatArray | float) -> FloatArray:
     """Return what `packet_error_rate` returns, for values that are known to be good."""
-    kept: FloatArray = np.log1p(np.negative(np.minimum(ber, MAX_BER)))
+    kept = np.where(np.less(ber, 1.0), np.log1p(np.negative(np.minimum(ber, MAX_BER))), LOG_OF_NONE)
     return np.negative(np.expm1(np.multiply(trials, kept)))
 
 
@@ -182,11 +184,11 @@ class Threshold(Variant):
         return np.where(below, 1.0, np.multiply(length_bytes, 0.0))
 
 
-class SnrTable(Smooth):
+class SnrTable(Variant):
     """A measured curve: packet error rates by SNR at one length, between them linear in SNR.
 
     Beyond its ends the table stays at its last value. Other lengths follow from the same error rate per byte:
-    1 - (1 - per)^(length / reference_length_bytes).
+    1 - (1 - per)^(length / reference_length_bytes), which is 1 for all of them where the table has 1.
     """
 
     model: Literal["snr-table"] = "snr-table"
@@ -204,14 +206,18 @@ class SnrTable(Smooth):
             raise ValueError("per has to be in [0, 1] and must not rise with SNR")
         return self
 
+    @property
+    def breaks_db(self) -> tuple[float, ...]:
+        """The SNRs of the rows."""
+        return tuple(snr_db for snr_db, _ in self.table)
+
     def _reference_per(self, snr_db: FloatArray) -> FloatArray:
         grid_db, per = np.asarray(self.table).T
         return np.asarray(np.interp(snr_db, grid_db, per))
 
     def ber(self, snr_db: FloatArray, _band: Band, /) -> FloatArray:
         """Return the bit error rate that gives the table's packet error rate at its length."""
-        kept = np.log1p(-np.minimum(self._reference_per(snr_db), MAX_BER))
-        return np.asarray(-np.expm1(kept / (BITS_PER_BYTE * self.reference_length_bytes)))
+        return packet_error(self._reference_per(snr_db), 1.0 / (BITS_PER_BYTE * self.reference_length_bytes))
 
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, _band: Band, /) -> FloatArray:
         """Return the table's rate, scaled to the length."""

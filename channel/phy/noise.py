@@ -19,11 +19,25 @@ STANDARD_TEMPERATURE_K = 290.0
 
 
 class NoiseModel(Protocol):
-    """What a receiver hears when nobody transmits."""
+    """What a receiver hears when nobody transmits.
+
+    A model of noise that comes by the antenna may have `behind_cable_dbm`, with the loss of the receiver's cable in dB
+    as a third argument: it is taken for `noise_floor_dbm`, which knows no cable.
+    """
 
     def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
         """Return the noise power in `bandwidth_hz` about a carrier, dBm."""
         ...
+
+
+def noise_behind_cable_dbm(
+    model: NoiseModel, bandwidth_hz: float, frequency_hz: float, cable_loss_db: float
+) -> float:
+    """Return the noise power at a receiver's input, where `cable_loss_db` lies between it and the antenna, dBm."""
+    behind_cable_dbm = getattr(model, "behind_cable_dbm", None)
+    if behind_cable_dbm is None:
+        return model.noise_floor_dbm(bandwidth_hz, frequency_hz)
+    return float(behind_cable_dbm(bandwidth_hz, frequency_hz, cable_loss_db))
 
 
 def thermal_noise_dbm(
@@ -79,7 +93,12 @@ The first four are of all editions (table 1, 0.3 to 250 MHz), `business` is of P
 
 
 class ManMadeNoise(RangedVariant):
-    """Man-made noise at a receiver near the ground by ITU-R P.372, and the receiver's own: k T0 B (fa + fr - 1)."""
+    """Man-made noise at a receiver near the ground by ITU-R P.372, and the receiver's own: k T0 B (fa + fr - 1).
+
+    Behind a cable of loss lt it is k T0 B ((fa - 1) / lt + fr): the system's noise factor of P.372, sec. 2,
+    fa + (fc - 1) + lc (ft - 1) + lc lt (fr - 1), for a lossless antenna (lc = fc = 1) and a cable at T0 (ft = lt),
+    taken from the antenna's terminals to the receiver's input, where the received power is: divided by lt.
+    """
 
     model: Literal["man-made"] = "man-made"
     environment: Literal["city", "residential", "rural", "quiet-rural", "business"] = Field(
@@ -94,9 +113,14 @@ class ManMadeNoise(RangedVariant):
         return low_hz, high_hz
 
     def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
-        """Return the median noise power, dBm."""
+        """Return the median noise power at a receiver beside its antenna, dBm."""
+        return self.behind_cable_dbm(bandwidth_hz, frequency_hz, 0.0)
+
+    def behind_cable_dbm(self, bandwidth_hz: float, frequency_hz: float, cable_loss_db: float, /) -> float:
+        """Return the median noise power at the receiver's input behind a cable, dBm."""
         at_one_mhz_db, slope, _, _ = MAN_MADE[self.environment]
         counted_hz = self.within_frequencies(frequency_hz)
         external_db = at_one_mhz_db - slope * np.log10(counted_hz / 1e6)
-        factor = ratio_from_db(external_db) + ratio_from_db(self.noise_figure_db) - 1.0
+        outside = (ratio_from_db(external_db) - 1.0) / ratio_from_db(cable_loss_db)
+        factor = outside + ratio_from_db(self.noise_figure_db)
         return float(thermal_noise_dbm(bandwidth_hz) + db_from_ratio(factor))

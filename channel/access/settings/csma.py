@@ -15,9 +15,19 @@ from channel.access.timing import NS_PER_S, Wifi, wifi_a, wifi_b, wifi_g
 from channel.numbers.units import SPEED_OF_LIGHT_MPS
 
 CCA_OFDM_NS, CCA_DSSS_NS = 4_000, 15_000
-"""aCCATime of 802.11a and g, and of b (IEEE 802.11-2020, tables 17-21 and 16-4): until a carrier is sensed."""
-ENERGY_DBM = -62.0
-"""IEEE 802.11-2020, 17.3.10.6: 20 dB above the least sensitivity that 20 MHz have to have, -82 dBm."""
+"""aCCATime of 802.11a and g, and of b (IEEE 802.11-2020, tables 17-21 and 16-4): until a carrier is sensed.
+
+That of OFDM is in channels of 20 MHz; it is 8 us in those of 10 MHz and 16 us in those of 5 MHz.
+"""
+ENERGY_OFDM_DBM = {1.0: -62.0, 0.5: -65.0, 0.25: -68.0}
+"""By clock, 17.3.10.6: 20 dB above the least sensitivity that 20, 10 and 5 MHz have to have."""
+ENERGY_DSSS_DBM = -73.0
+"""Of 802.11b with 50 to 100 mW, 16.3.8.5: above it is -76 dBm, below -70 dBm; the power is not known here."""
+
+
+def standard_energy_dbm(standard: str, clock: float = 1.0) -> float:
+    """Return the power from which on the standard has any energy sensed as a carrier, dBm."""
+    return ENERGY_DSSS_DBM if standard == "11b" else ENERGY_OFDM_DBM[clock]
 
 
 class CsmaMedium(Shared):
@@ -55,7 +65,8 @@ class CsmaMedium(Shared):
         default=None,
         ge=-200.0,
         le=100.0,
-        description="any power from here on is a carrier; 20 dB above preamble_dbm if that is given, else -62",
+        description="any power from here on is a carrier; 20 dB above preamble_dbm if that is given, else the "
+        "standard's: -62 of 11a and 11g, -65 and -68 at clock 0.5 and 0.25, and -73 of 11b",
     )
 
     @model_validator(mode="after")
@@ -80,12 +91,12 @@ class CsmaMedium(Shared):
     def senses_from_dbm(self, noise_floor_dbm: float) -> float:
         """The weakest power that is sensed as a carrier whatever it is, dBm: the standard's, if nothing is given."""
         if self.energy_dbm is None and self.preamble_dbm is None:
-            return ENERGY_DBM
+            return standard_energy_dbm(self.standard, self.clock)
         return super().senses_from_dbm(noise_floor_dbm)
 
     def hearing(self, surroundings: Surroundings) -> Hearing:
         """How stations hear."""
-        cca_ns = CCA_DSSS_NS if self.standard == "11b" else CCA_OFDM_NS
+        cca_ns = CCA_DSSS_NS if self.standard == "11b" else round(CCA_OFDM_NS / self.clock)
         return replace(super().hearing(surroundings), cca_ns=cca_ns)
 
     def open(self, surroundings: Surroundings) -> AccessMedium:

@@ -80,7 +80,7 @@ class CorrelatedFit:
         if self._log.delivered.all() and "noise.floor_dbm" not in self._held:
             weakest_dbm = float(np.nanmin(self._taken.rssi_dbm))
             floor_dbm = min(
-                self._base.noise.noise_floor_dbm(self._base.bandwidth_hz, self._base.frequency_hz),
+                self._base.noise_floor_dbm,
                 weakest_dbm - 30.0,
             )
         decorrelation_m = self._base.shadowing.decorrelation_m or 20.0

@@ -76,7 +76,7 @@ class Disturbance:
         law = config.interference
         self._config = config
         self._way = way
-        self._floor_dbm = config.noise.noise_floor_dbm(config.bandwidth_hz, config.frequency_hz)
+        self._floor_dbm = config.noise_floor_dbm
         rows = law.filter_rows(config.bandwidth_hz)
         self.emitters = tuple(
             each

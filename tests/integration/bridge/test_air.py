@@ -123,6 +123,18 @@ def test_a_packet_takes_its_time_and_comes_with_the_first_tick_after_it(flown: F
     assert balances(run)
 
 
+def test_frames_of_802_11b_last_whole_microseconds_behind_the_preamble_of_their_rate(flown: Flown) -> None:
+    """536 bytes with MAC header, LLC and FCS: a unicast at 11 Mb/s with the short one, a broadcast at 1 Mb/s."""
+    medium = {"model": "csma", "standard": "11b", "rate_mbps": 11.0, "short_preamble": True}
+    sends = [(1.0, "0", 500), (2.0, "all", 500)]
+    run = flown([node(0, 0.0), node(1, 300.0, sends=sends)], medium)
+    found = rows(run, "g1", "0")
+    assert found.fate.tolist() == ["delivered", "delivered"]
+    lasted_ns = (found.ended_ns - found.started_ns).tolist()
+    assert lasted_ns == [(96 + 390) * 1000, (192 + 8 * 536) * 1000]
+    assert balances(run)
+
+
 def test_two_at_once_collide_and_are_deaf_to_each_other(flown: Flown) -> None:
     sends = [(1.0, "all", 100)]
     nodes = [node(0, 0.0), node(1, 100.0, sends=sends), node(2, 150.0, sends=sends)]

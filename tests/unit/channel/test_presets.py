@@ -5,6 +5,11 @@ import pytest
 import yaml
 
 from channel import presets
+from channel.access.radio_world import RadioWorld
+from channel.access.world import AirFrame, Piece
+from channel.draws import Draws
+from channel.link.radio import Radio
+from channel.medium.simulate import simulate
 from channel.presets import PresetError
 
 
@@ -226,6 +231,31 @@ def test_tables_can_be_set_and_given_in_a_mapping(tmp_path):
     )
     assert set_radio.error == spelled.error
     assert set_radio.error.table == ((0.0, 1.0), (5.0, 0.5), (10.0, 0.0))
+
+
+def test_no_packet_comes_through_a_signal_at_which_a_table_has_none(tmp_path):
+    """Packets of 40 bytes, a table of 1000, and a jammer that is on for 1 % of a frame."""
+    (tmp_path / "curve.csv").write_text("snr_db,per\n0,1\n5,0\n")
+    (tmp_path / "radio.yaml").write_text(
+        "preset: perfect\npropagation: {model: free-space}\nearth_radius_factor:\n"
+        "error: {model: snr-table, table_file: curve.csv, reference_length_bytes: 1000}\n"
+    )
+    radio = Radio(presets.load_radio(tmp_path / "radio.yaml"))
+    far_m = float(10.0 ** (float(radio.link(1.0).snr_db) / 20.0))
+    near, far = 0.5 * far_m, 1.01 * far_m
+    assert radio.probability_of_delivery([near, far], 40).tolist() == [1.0, 0.0]
+    assert radio.expected_delivery([near, far], length_bytes=40).tolist() == [1.0, 0.0]
+    drawn = [
+        simulate(radio, Draws(1), [("a", "b")], at_m, packets=500, length_bytes=40) for at_m in (near, far)
+    ]
+    assert [int(each.delivered.sum()) for each in drawn] == [500, 0]
+
+    world = RadioWorld(radio, {0: (0.0, 0.0, -40.0), 1: (near, 0.0, -40.0)})
+    [arrival] = world.reach(AirFrame(0, 0, "data", 40, 0, 1_000_000))
+    quiet, jammed = Piece(990_000, 0.0), Piece(10_000, 100.0 * arrival.power_mw)
+    frames = [AirFrame(0, number, "data", 40, 0, 1_000_000) for number in range(100)]
+    fates = {world.survives(frame, 1, arrival.power_mw, [quiet, jammed]) for frame in frames}
+    assert fates == {(False, True)}
 
 
 ATTACH = (Path(__file__).parents[3] / "docs" / "how-to" / "attach.md").read_text(encoding="utf-8")

@@ -327,6 +327,12 @@ def test_a_node_without_a_slot_hears_and_has_no_room_for_its_packets() -> None:
         (wifi_a(54.0, 54.0), 100 - 8, 40.0),
         (wifi_a(6.0, 6.0, clock=0.5), 100 - 8, 392.0),
         (wifi_b(1.0), 64, 192.0 + 800.0),
+        (wifi_b(11.0), 500 - 36, 192.0 + 364.0),
+        (wifi_b(11.0), 500, 582.0),
+        (wifi_b(5.5), 500, 192.0 + 780.0),
+        (wifi_b(11.0, short_preamble=True), 500, 96.0 + 390.0),
+        (wifi_b(2.0, short_preamble=True), 64, 96.0 + 400.0),
+        (wifi_b(1.0, short_preamble=True), 64, 192.0 + 800.0),
         (wifi_g(54.0), 100 - 8, 46.0),
     ],
 )
@@ -493,6 +499,16 @@ def test_a_packet_that_finds_the_nav_set_draws_a_back_off() -> None:
         slots.add((started_ns - nav_ns - 34_000) / 9_000)
     assert slots <= set(range(16))
     assert len(slots) > 8
+
+
+def test_frames_at_1_mbps_have_the_long_preamble() -> None:
+    """An ACK at 1 Mb/s: 192 + 112 us, as in EIFS; at 2 Mb/s 96 + 56."""
+    assert [wifi_b(11.0, basic, short_preamble=True).control_ns(14) for basic in (1.0, 2.0)] == [
+        304_000,
+        152_000,
+    ]
+    assert wifi_b(11.0, 2.0, short_preamble=True).eifs_ns == 364_000
+    assert wifi_b(11.0, short_preamble=True).broadcast_ns(64) == 992_000
 
 
 def test_eifs_is_as_long_at_every_basic_rate() -> None:

@@ -371,6 +371,34 @@ def test_logs_that_cannot_be_read_name_the_line(tmp_path, text, words):
 
 
 def test_the_level_that_a_fit_starts_from_is_the_budgets():
-    base = presets.load_radio("corrected", {"cable_loss_db": 1.5, "antenna": {"model": "dipole"}})
-    level = float(Radio(base).link(1.0).received_power_dbm)
-    assert power_at_reference_dbm(base, 1.0) == pytest.approx(level, abs=1e-9)
+    """Antennas and cables of both ends, whichever they are."""
+    ends = {
+        "antenna": {"model": "dipole"},
+        "receive_antenna": {"model": "isotropic", "gain_db": 5.0},
+        "polarisation": {"cross_polar_db": 15.0},
+    }
+    for cables in ({"cable_loss_db": 1.5}, {"cable_loss_db": 1.5, "receive_cable_loss_db": 6.0}):
+        base = presets.load_radio("corrected", cables | ends)
+        level = float(Radio(base).link(1.0).received_power_dbm)
+        assert power_at_reference_dbm(base, 1.0) == pytest.approx(level, abs=1e-9)
+
+
+def test_a_fit_knows_the_receivers_cable(tmp_path):
+    """A log of the radio that is its base, whose receiver has 6 dB of cable, and its transmitter none."""
+    own = tmp_path / "own.yaml"
+    own.write_text("preset: corrected\nreceive_cable_loss_db: 6\n")
+    log, fitted = tmp_path / "log.csv", tmp_path / "fitted.yaml"
+    one = synthetic(presets.load_radio(own), 3000, 50, 1500, 1, rssi=True)
+    rows = zip(one.distance_m, one.delivered.astype(int), np.round(one.rssi_dbm), strict=True)
+    readings = (f"{at:.3f},{came},{f'{dbm:g}' if came else ''},40" for at, came, dbm in rows)
+    log.write_text("\n".join(("distance_m,delivered,rssi_dbm,length_bytes", *readings)) + "\n")
+    known = [
+        each for name in ("propagation.exponent", "noise.floor_dbm", "base_loss") for each in ("--hold", name)
+    ]
+    options = ["--radio", str(own), "--out", str(fitted), "--json", *known]
+    report = json.loads(CliRunner().invoke(main, ["fit", str(log), *options], catch_exceptions=False).output)
+    [offset] = [each for each in report["estimates"] if each["name"] == "offset_db"]
+    assert offset["low"] <= 0.0 <= offset["high"]
+    assert offset["high"] - offset["low"] < 1.5
+    meant, found = (Radio(presets.load_radio(file)).probability_of_delivery(500.0) for file in (own, fitted))
+    assert found == pytest.approx(float(meant), abs=0.03)

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from channel.access.settings.base import Surroundings
 from channel.access.settings.csma import CsmaMedium
+from channel.access.world import PlainWorld
 from channel.checks import FloatArray
 from channel.draws import Draws
 from channel.link.expectation import Expectation
@@ -98,10 +100,26 @@ def test_a_level_below_which_noise_takes_all_is_none() -> None:
 
 
 def test_energy_of_802_11_is_sensed_from_the_standards_level_on() -> None:
-    """-62 dBm, 20 dB above a level that is given, or what is given."""
+    """By the channel's width, or 20 dB above a level that is given, or what is given."""
     assert CsmaMedium().senses_from_dbm(-95.0) == -62.0
+    assert CsmaMedium(standard="11b", rate_mbps=11.0).senses_from_dbm(-95.0) == -73.0
+    narrow = {clock: CsmaMedium(standard="11a", clock=clock) for clock in (1.0, 0.5, 0.25)}
+    assert [each.senses_from_dbm(-95.0) for each in narrow.values()] == [-62.0, -65.0, -68.0]
     assert CsmaMedium(preamble_dbm=-90.0).senses_from_dbm(-95.0) == -70.0
     assert CsmaMedium(preamble_dbm=-90.0, energy_dbm=-75.0).senses_from_dbm(-95.0) == -75.0
+
+
+@pytest.mark.parametrize(
+    ("standard", "clock", "cca_us"), [("11g", 1.0, 4), ("11a", 0.5, 8), ("11a", 0.25, 16), ("11b", 1.0, 15)]
+)
+def test_a_carrier_is_sensed_after_as_long_as_symbols_last(standard: str, clock: float, cca_us: int) -> None:
+    """aCCATime, and the energy in mW."""
+    medium = CsmaMedium.model_validate(
+        {"standard": standard, "clock": clock, "rate_mbps": 11.0 if standard == "11b" else 6.0}
+    )
+    hearing = medium.hearing(Surroundings(PlainWorld((0, 1)), {"a": 0, "b": 1}, 1, 6e6, -95.0, 20e6, ()))
+    assert hearing.cca_ns == 1000 * cca_us
+    assert hearing.energy_mw == pytest.approx(10.0 ** (medium.senses_from_dbm(-95.0) / 10.0))
 
 
 def test_a_medium_says_which_packets_were_too_weak() -> None:

@@ -8,7 +8,15 @@ from channel import presets
 from channel.access.media.sik_timing import sik_timing
 from channel.checks import ChannelInputError
 from channel.phy import modulation
-from channel.phy.error_model import Band, ErfcBytes, NoncoherentFsk, Threshold, UncodedAwgn, packet_error_rate
+from channel.phy.error_model import (
+    Band,
+    ErfcBytes,
+    NoncoherentFsk,
+    SnrTable,
+    Threshold,
+    UncodedAwgn,
+    packet_error_rate,
+)
 from channel.phy.golay import word_error
 
 BAND = Band(20e6, 20e6)
@@ -53,7 +61,13 @@ def test_small_rates_are_not_rounded_to_zero():
 
 
 def test_certain_errors_stay_finite():
-    assert packet_error_rate(1.0, 1.0) == pytest.approx(1.0)
+    assert packet_error_rate(1.0, np.array([0.0, 1e-90, 0.04, 1.0, 1e200])).tolist() == [
+        0.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+    ]
     assert np.all(ErfcBytes().per(np.array([-5000.0, -400.0, 5000.0]), 40.0, BAND) == [1.0, 1.0, 0.0])
 
 
@@ -83,6 +97,19 @@ def test_qam_of_order_four_is_qpsk():
 
 def test_threshold_includes_its_own_value():
     assert Threshold(snr_min_db=5.0).per(np.array([4.99, 5.0]), 40.0, BAND).tolist() == [1.0, 0.0]
+
+
+def test_where_a_table_loses_all_it_loses_all_lengths():
+    """1 - (1 - per)^(N / N0), written out; beyond the table, at its end, and between rows."""
+    table = SnrTable(table=((0.0, 1.0), (1.0, 0.9), (5.0, 0.0)), reference_length_bytes=1000)
+    snr_db, lengths = (
+        np.array([[-60.0], [0.0], [0.5], [3.0], [6.0]]),
+        np.array([0.0, 0.01, 14.0, 40.0, 2000.0]),
+    )
+    expected = 1.0 - (1.0 - np.array([[1.0], [1.0], [0.95], [0.45], [0.0]])) ** (lengths / 1000.0)
+    assert table.per(snr_db, lengths, BAND) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert table.per(snr_db, lengths, BAND)[:2].tolist() == [[0.0, 1.0, 1.0, 1.0, 1.0]] * 2
+    assert table.ber(np.array([-60.0, 3.0]), BAND) == pytest.approx([1.0, 1.0 - 0.55 ** (1 / 8000)])
 
 
 @pytest.mark.parametrize(("ber", "trials"), [(-0.1, 1), (1.1, 1), (math.nan, 1), (0.1, -1)])
