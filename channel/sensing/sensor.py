@@ -62,7 +62,7 @@ class Sensor:
         half_hz = 0.5 * radio.bandwidth_hz
         self.period_ns = config.period_ns
         self.band_hz = config.band_hz or (radio.frequency_hz - half_hz, radio.frequency_hz + half_hz)
-        self.noise_floor_dbm = radio.noise.noise_floor_dbm(radio.bandwidth_hz, radio.frequency_hz)
+        self.noise_floor_dbm = radio.noise_floor_dbm
         self.threshold_dbm = float(
             in_steps(np.asarray(self.noise_floor_dbm + config.threshold_db), STEPS_PER_DB)
         )

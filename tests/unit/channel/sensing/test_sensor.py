@@ -102,3 +102,16 @@ def test_readings_are_told_in_whole_steps(step_db: float) -> None:
 def test_settings_that_are_none(settings: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         config(**settings)
+
+
+def test_noise_that_comes_by_the_antenna_comes_through_the_sensors_cable() -> None:
+    """10 dB of cable: what is outside and far above the receiver's own noise sinks by as much, that does not."""
+    outside = {"noise": {"model": "man-made", "environment": "city", "noise_figure_db": 3.0}}
+
+    def floor_mw(cable_db: float) -> float:
+        found_dbm = Sensor(config(outside | {"receive_cable_loss_db": cable_db})).noise_floor_dbm
+        return float(10.0 ** (found_dbm / 10.0))
+
+    thermal_mw = 1.380649e-23 * 290.0 * 200e3 * 1e3
+    own_mw = 10.0**0.3 * thermal_mw
+    assert floor_mw(10.0) - own_mw == pytest.approx((floor_mw(0.0) - own_mw) / 10.0, rel=1e-9)
