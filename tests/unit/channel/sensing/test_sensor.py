@@ -106,7 +106,9 @@ def test_settings_that_are_none(settings: dict[str, object]) -> None:
 
 def test_noise_that_comes_by_the_antenna_comes_through_the_sensors_cable() -> None:
     """10 dB of cable: what is outside and far above the receiver's own noise sinks by as much, that does not."""
-    outside = {"noise": {"model": "man-made", "environment": "city", "noise_figure_db": 3.0}}
+    outside = {
+        "noise": {"model": "man-made", "environment": "city", "noise_figure_db": 3.0, "outside": "clamp"}
+    }
 
     def floor_mw(cable_db: float) -> float:
         found_dbm = Sensor(config(outside | {"receive_cable_loss_db": cable_db})).noise_floor_dbm
