@@ -176,9 +176,14 @@ def _ua_text(node: str, state: AircraftState) -> str:
 
 
 def _link_text(link: LinkNow, since: str) -> str:
-    is_drawn = not math.isnan(link.received_power_dbm)
-    power = f"{link.received_power_dbm:.0f} dBm" if is_drawn else "hopeless"
-    return (
-        f"{link.name}: {link.distance_m:.0f} m, {power}, "
-        f"{link.delivered_lately}/{link.sent_lately} in the {since}, {link.delivered}/{link.sent} delivered"
-    )
+    drawn = [f"{link.distance_m:.0f} m", _power_text(link)] if math.isfinite(link.distance_m) else []
+    told = [
+        *(["radio off"] if link.is_off else drawn),
+        f"{link.delivered_lately}/{link.sent_lately} in the {since}",
+        f"{link.delivered}/{link.sent} delivered",
+    ]
+    return f"{link.name}: {', '.join(told)}"
+
+
+def _power_text(link: LinkNow) -> str:
+    return "hopeless" if math.isnan(link.received_power_dbm) else f"{link.received_power_dbm:.0f} dBm"
