@@ -7,7 +7,6 @@ import threading
 from time import monotonic
 from typing import Self
 
-import click
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
@@ -16,6 +15,7 @@ from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
+from lostlink.flight.say import say
 
 REFRESH_PER_S = 2
 LINE_PERIOD_S = LOG_PERIOD_S
@@ -92,11 +92,11 @@ class Progress:
 
     def on_error(self, text: str) -> None:
         """Show what went wrong, also if quiet."""
-        click.echo(f"lostlink: {text}", err=True)
+        say(f"lostlink: {text}", err=True)
 
     def on_warning(self, text: str) -> None:
         """Show what somebody must see, also if quiet."""
-        click.echo(f"warning: {text}", err=True)
+        say(f"warning: {text}", err=True)
 
     def on_news(self, text: str) -> None:
         """Show how far something long is."""

@@ -10,6 +10,7 @@ import click
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail
 from lostlink.cli.records.mcap_options import changed, mcap_options
+from lostlink.flight.say import say
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
@@ -57,9 +58,9 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         folder.mkdir(parents=True, exist_ok=True)
         if as_csv:
             for path in export_csv(run, folder):
-                click.echo(path)
+                say(path)
         if as_mcap:
-            click.echo(_write_mcap(run, folder, mcap))
+            say(_write_mcap(run, folder, mcap))
     except (OSError, ValueError) as error:
         fail(error)
 
