@@ -61,7 +61,9 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
                 say(path)
         if as_mcap:
             say(_write_mcap(run, folder, mcap))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        fail(error if error.filename is not None else f"{folder}: {error}")  # a full disk has no name
+    except ValueError as error:
         fail(error)
 
 

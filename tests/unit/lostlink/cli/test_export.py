@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import subprocess
+import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -133,3 +135,25 @@ def test_a_run_is_written_as_mcap_by_its_tables_alone(tmp_path: Path) -> None:
     read = read_mcap(tmp_path / "out" / "run.mcap")
     assert read.counts == read.statistics
     assert {"/clock", "/ua_0/truth", "/fates"} <= read.counts.keys()
+
+
+SMALL_FILES = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+from lostlink.cli.main import main
+sys.argv = ["lostlink", "export", *sys.argv[1:]]
+main()
+"""
+
+
+@pytest.mark.parametrize("option", ["--mcap", "--csv"])
+def test_of_a_file_that_could_not_be_written_nothing_is_left(tmp_path: Path, option: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    there = set(folder.iterdir())
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", SMALL_FILES, folder, option], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"lostlink: {folder}: [Errno 27] File too large\n"
+    assert set(folder.iterdir()) == there
