@@ -18,9 +18,10 @@ from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import from_autopilot, inputs_path, logged, packets
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry
+from bridge.record.tables.every import TABLES
 from bridge.run.directory import SCENARIO_FILE
 from bridge.scenario.file import read_scenario
-from lostlink.reading.run import NoRun, load_run
+from lostlink.reading.run import NoRun, Run, load_run
 from tests.unit.bridge.record.runs import TICK_NS, RunContent, heartbeat, make_run, row_at, truth_at
 
 
@@ -116,6 +117,20 @@ def test_what_is_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     shutil.rmtree(tmp_path / "runs")
     with pytest.raises(NoRun, match=r"runs/mine"):
         load_run("mine")
+
+
+def test_the_page_on_python_has_all_frames_and_tables() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "how-to" / "python.md").read_text(encoding="utf-8")
+    members = {name: getattr(member, "func", member) for name, member in vars(Run).items() if name[0] != "_"}
+    frames = [
+        name
+        for name, each in members.items()
+        if getattr(each, "__annotations__", {}).get("return") == "pd.DataFrame"
+    ]
+    assert {"truth", "packets", "agent_values"} <= set(frames)
+    assert [name for name in frames if not re.search(rf"`run\.{name}\b", page)] == []
+    listed = page.partition("Tables are ")[2].partition(".")[0]
+    assert set(re.findall("`([a-z]+)`", listed)) == {table.name for table in TABLES}
 
 
 def log(made: RunContent) -> None:
