@@ -20,6 +20,7 @@ from pathlib import Path
 from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.config import DaemonConfig
 from aps.daemon import Daemon
+from aps.logs.printable import PrintableForm, printable
 from aps.logs.repeats import Repeats
 from aps.settings import LINK_KINDS, DaemonSettings, SettingsError, read_settings
 from aps.status import plain_state
@@ -228,11 +229,9 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     if given[:1] == ["status"]:
         return _status(given[1:], prog)
     arguments = _arguments(prog).parse_args(given)
-    logging.basicConfig(
-        level=logging.WARNING if arguments.quiet else logging.INFO,
-        format="%(asctime)s %(name)s: %(message)s",
-        handlers=[Repeats(logging.StreamHandler(sys.stderr), "aps", "uvicorn")],
-    )
+    handler = Repeats(logging.StreamHandler(sys.stderr), "aps", "uvicorn")
+    handler.setFormatter(PrintableForm("%(asctime)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING if arguments.quiet else logging.INFO, handlers=[handler])
     try:
         configs = _configs(arguments)
         api = _api_config(arguments.api)
@@ -244,7 +243,7 @@ def main(argv: list[str] | None = None, prog: str = "python -m aps") -> int:
     except OSError as error:
         return _refuse(_explain(error))
     if failure is not None:
-        print(f"aps: the daemon failed: {failure}", file=sys.stderr)
+        print(printable(f"aps: the daemon failed: {failure}"), file=sys.stderr)
     return 0 if failure is None else 1
 
 
@@ -292,7 +291,7 @@ def _reader_is_gone() -> int:
 
 def _refuse(text: str) -> int:
     for line in text.splitlines():
-        print(f"aps: {line}", file=sys.stderr)
+        print(printable(f"aps: {line}"), file=sys.stderr)
     return 2
 
 

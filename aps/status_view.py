@@ -15,12 +15,13 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
+from rich import markup
 from rich.console import Console, Group
 from rich.live import Live
-from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
+from aps.logs.printable import printable
 from aps.status import SUFFIX, status_directory
 
 __all__ = ["ask", "ask_over_http", "tables", "watch"]
@@ -149,9 +150,9 @@ def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
     )
     links = _table("daemon", "link", "peer", "up", "ms", "in/s", "in", "lost", "out", "troubles")
     for told in answers:
-        name = escape(told["name"])
+        name = _shown(told["name"])
         if "error" in told:
-            daemons.add_row(name, f"[red]{escape(str(told['error']))}")
+            daemons.add_row(name, f"[red]{_shown(str(told['error']))}")
             continue
         try:
             row, link_rows = _daemon_row(told), [_link_row(link) for link in _links(told)]
@@ -162,6 +163,11 @@ def tables(answers: Sequence[dict[str, Any]]) -> Group | str:
         for link_row in link_rows:
             links.add_row(name, *link_row)
     return Group(daemons, links, Text(LEGEND, style="dim"))
+
+
+def _shown(text: str) -> str:
+    """A text that others wrote, as it is shown: nothing in it is markup, or moves the cursor."""
+    return markup.escape(printable(text))
 
 
 def _links(told: dict[str, Any]) -> list[dict[str, Any]]:
@@ -181,9 +187,9 @@ def _daemon_row(told: dict[str, Any]) -> list[str]:
     age_s = state["heartbeat_age_s"]
     return [
         f"{told['sysid']} [red](there is {others})" if others else str(told["sysid"]),
-        escape(state["mode"]) or "-",
+        _shown(state["mode"]) or "-",
         "yes" if state["armed"] else "no",
-        escape(", ".join(peers)) or "[red]none",
+        _shown(", ".join(peers)) or "[red]none",
         "-" if age_s is None else f"{age_s:.1f} s",
         str(statistics["turned_away"]),
         str(routes.get("loop", 0)),
@@ -197,7 +203,7 @@ def _link_row(link: dict[str, Any]) -> list[str]:
     troubles = [f"{name} {counters[name]}" for name in TROUBLES if counters[name]]
     return [
         f"{link['role']} {link['link']}",
-        escape(link["peer"]),
+        _shown(link["peer"]),
         "[green]yes" if link["up"] else "no",
         "-" if latency_ms is None else f"{latency_ms:.1f}",
         f"{link['rate_in_hz']:g}",

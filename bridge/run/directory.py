@@ -22,6 +22,7 @@ from bridge.bus.keys import Keys
 from bridge.run.carried import with_radios_carried, with_radios_placed
 from bridge.scenario.document.files import Find, files_placed
 from bridge.scenario.model import Scenario
+from bridge.scenario.recorded import read_recorded
 
 RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
@@ -197,7 +198,7 @@ class RunDirectory:
         file = self.path / SCENARIO_FILE
         if not file.exists():
             raise ValueError(f"{self.path} is not the directory of a run (it has no {SCENARIO_FILE})")
-        return Scenario.from_yaml(file.read_text(encoding="utf-8"), placed)
+        return read_recorded(file, placed)
 
     @property
     def summary(self) -> dict[str, Any]:

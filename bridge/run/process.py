@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aps.logs.printable import PrintableForm
 from aps.logs.repeats import Repeats
 from bridge.bus.session import SessionError
 from bridge.run.directory import RunDirectory
@@ -35,7 +36,7 @@ class LogClock:
 log_clock = LogClock()
 
 
-class LogForm(logging.Formatter):
+class LogForm(PrintableForm):
     """A line: wall time, sim time (``-`` before the first tick), level, logger, text."""
 
     def __init__(self) -> None:

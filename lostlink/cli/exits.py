@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from typing import NoReturn
 
-import click
-
 from lostlink.flight.exits import UNUSABLE
+from lostlink.flight.say import say
 
 
 def fail(text: object, status: int = UNUSABLE) -> NoReturn:
@@ -19,4 +18,4 @@ def fail(text: object, status: int = UNUSABLE) -> NoReturn:
 def tell(text: object) -> None:
     """Say something on stderr, each line with the command's name."""
     for line in str(text).splitlines():
-        click.echo(f"lostlink: {line}", err=True)
+        say(f"lostlink: {line}", err=True)

@@ -9,6 +9,8 @@ from importlib import import_module, metadata
 
 import click
 
+from lostlink.flight.say import say
+
 COMMANDS = {
     "run": "lostlink.cli.flying.run",
     "schema": "lostlink.cli.flying.schema",
@@ -93,10 +95,10 @@ def main() -> None:
         sys.exit(lostlink(prog_name="lostlink", standalone_mode=False))
     except click.UsageError as error:
         usage = "" if error.ctx is None else f"\n{error.ctx.get_usage()}"
-        click.echo(f"lostlink: {error.format_message()}{usage}", err=True)
+        say(f"lostlink: {error.format_message()}{usage}", err=True)
         sys.exit(error.exit_code)
     except click.ClickException as error:
-        click.echo(f"lostlink: {error.format_message()}", err=True)
+        say(f"lostlink: {error.format_message()}", err=True)
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
@@ -104,10 +106,10 @@ def main() -> None:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        click.echo(f"lostlink: {error}", err=True)  # what is printed goes to a file there, perhaps
+        say(f"lostlink: {error}", err=True)  # what is printed goes to a file there, perhaps
         sys.exit(1)
     except click.Abort:  # Ctrl-C, where nothing else has a word for it
-        click.echo("lostlink: interrupted", err=True)
+        say("lostlink: interrupted", err=True)
         sys.exit(128 + signal.SIGINT)
 
 

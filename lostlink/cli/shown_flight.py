@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import click
 from rich.console import Console
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
@@ -15,6 +14,7 @@ from bridge.scenario.model import Scenario
 from lostlink.flight.console import plain_console
 from lostlink.flight.flight import Flight
 from lostlink.flight.progress import Progress
+from lostlink.flight.say import say
 
 
 class ShownFlight(Flight):
@@ -40,7 +40,7 @@ class ShownFlight(Flight):
         except (OSError, ValueError) as error:
             is_placed = getattr(error, "filename", None) is not None or not isinstance(error, OSError)
             place = "" if is_placed else f"{self.directory.path}: "
-            click.echo(
+            say(
                 f"lostlink: {place}{error}; the run has no summary; `lostlink export {self.directory.path} --parquet "
                 "--mcap` writes the tables and run.mcap of what was flown",
                 err=True,

@@ -7,7 +7,6 @@ import threading
 from time import monotonic
 from typing import Self
 
-import click
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
@@ -16,6 +15,7 @@ from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
+from lostlink.flight.say import say
 
 REFRESH_PER_S = 2
 LINE_PERIOD_S = LOG_PERIOD_S
@@ -92,11 +92,11 @@ class Progress:
 
     def on_error(self, text: str) -> None:
         """Show what went wrong, also if quiet."""
-        click.echo(f"lostlink: {text}", err=True)
+        say(f"lostlink: {text}", err=True)
 
     def on_warning(self, text: str) -> None:
         """Show what somebody must see, also if quiet."""
-        click.echo(f"warning: {text}", err=True)
+        say(f"warning: {text}", err=True)
 
     def on_news(self, text: str) -> None:
         """Show how far something long is."""
@@ -176,9 +176,14 @@ def _ua_text(node: str, state: AircraftState) -> str:
 
 
 def _link_text(link: LinkNow, since: str) -> str:
-    is_drawn = not math.isnan(link.received_power_dbm)
-    power = f"{link.received_power_dbm:.0f} dBm" if is_drawn else "hopeless"
-    return (
-        f"{link.name}: {link.distance_m:.0f} m, {power}, "
-        f"{link.delivered_lately}/{link.sent_lately} in the {since}, {link.delivered}/{link.sent} delivered"
-    )
+    drawn = [f"{link.distance_m:.0f} m", _power_text(link)] if math.isfinite(link.distance_m) else []
+    told = [
+        *(["radio off"] if link.is_off else drawn),
+        f"{link.delivered_lately}/{link.sent_lately} in the {since}",
+        f"{link.delivered}/{link.sent} delivered",
+    ]
+    return f"{link.name}: {', '.join(told)}"
+
+
+def _power_text(link: LinkNow) -> str:
+    return "hopeless" if math.isnan(link.received_power_dbm) else f"{link.received_power_dbm:.0f} dBm"

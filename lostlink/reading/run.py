@@ -21,6 +21,7 @@ from bridge.record.provenance import Provenance, read_provenance
 from bridge.record.streams import Entry, entries_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
+from bridge.record.tables.logged import LOGGED_FILE
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.reader import read_arrow, read_columns
 from bridge.record.tables.routes import ROUTES
@@ -33,6 +34,7 @@ from bridge.scenario.model import Scenario
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from lostlink.reading.links import link_counts, link_series
+from lostlink.reading.lost_parts import in_words, lost_parts
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import link_rows
 
@@ -274,17 +276,19 @@ class Run:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.
 
         Raises:
-            ValueError: the run has no such node, or the file is damaged.
+            ValueError: the run has no such node, or the file is damaged, or there no more.
         """
         self._check_node(node)
+        self._check_there(str(names.packets(node)))
         return (packet for _, packet in packets_of(self.path, node))
 
     def logged(self) -> list[tuple[int, str, LoggedValue | AgentStatus]]:
         """What all agents logged and reported, as tick in ns, node and item; by tick, then by node.
 
         Raises:
-            ValueError: a file is damaged.
+            ValueError: a file is damaged, or there no more.
         """
+        self._check_there(names.Kind.LOGGED, f"; {LOGGED_FILE} has the numbers and texts")
         found = [(t, node, item) for node in self.nodes for t, item in logged_of(self.path, node)]
         return sorted(found, key=lambda each: each[0])
 
@@ -292,15 +296,22 @@ class Run:
         """MAVLink bytes of a UA by tick, in the direction given; none if it has no such stream.
 
         Raises:
-            ValueError: the run has no such node, or the file is damaged.
+            ValueError: the run has no such node, or the file is damaged, or there no more.
         """
         self._check_node(node)
-        path = names.Stream(names.Kind(direction), node).path(self.path)
-        return entries_of(path)
+        stream = names.Stream(names.Kind(direction), node)
+        self._check_there(str(stream))
+        return entries_of(stream.path(self.path))
 
     def _check_node(self, node: str) -> None:
         if node not in self.nodes:
             raise ValueError(f"no node has the id {node!r}; there are {', '.join(self.nodes)}")
+
+    def _check_there(self, part: str, instead: str = "") -> None:
+        """Refuse what is there no more; ``part`` is a stream, or what the names of several begin with."""
+        lost = [each for each in lost_parts(self.path, self.summary) if f"{each}/".startswith(f"{part}/")]
+        if lost:
+            raise ValueError(f"{self.path}: the record has lost {in_words(lost)}{instead}")
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
         rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)

@@ -31,14 +31,20 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             kinds = {type(value).__name__: value for value in values if value is not None}
             found = ", ".join(f"{kind} ({value!r})" for kind, value in kinds.items())
             raise StudyError(
-                f"column {name} has values of several kinds: {found}; no table was written: a metric has to give one "
-                "kind in all runs"
+                f"column {name} has values of several kinds: {found}; no table was written{_before(path)}: a metric "
+                "has to give one kind in all runs"
             ) from error
         except OverflowError as error:
-            raise StudyError(f"column {name} has a whole number of more than 64 bits: {error}") from error
+            raise StudyError(
+                f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
+            ) from error
     part = path.with_suffix(".part")
     pq.write_table(pa.table(columns), part, compression="zstd")
     part.replace(path)
+
+
+def _before(path: Path) -> str:
+    return f", and {path} is that of before" if path.exists() else ""
 
 
 def _of_one_kind(values: Sequence[Any]) -> Sequence[Any]:

@@ -18,7 +18,7 @@ CODE = (".py",)
 def with_absolute_files(root: Written, find: Find = str) -> Written:
     """The scenario with absolute paths of radios, antennas, winds, airframes, own classes, tables and maps."""
     for path, leaf in list(root.leaves()):
-        if isinstance(leaf.content, str) and (placed := _placer(path)):
+        if path and isinstance(leaf.content, str) and (placed := _placer(path)):
             text = placed(leaf.content, leaf.place.folder)
             root = _put(root, path, Written(find(text) if text.startswith("/") else text, leaf.place))
     return root

@@ -10,6 +10,7 @@ import click
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import scenario_with, setting_options
+from lostlink.flight.say import say
 from lostlink.plan.plan import plan_of
 from lostlink.plan.told import lines_of
 
@@ -35,4 +36,4 @@ def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: 
         plan = plan_of(scenario_with(scenario, {"radio": radio}, settings))
     except ScenarioError as error:
         fail(error)
-    click.echo(json.dumps(asdict(plan), indent=1) if as_json else "\n".join(lines_of(plan)))
+    say(json.dumps(asdict(plan), indent=1) if as_json else "\n".join(lines_of(plan)))

@@ -20,6 +20,7 @@ from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_aske
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
+from lostlink.flight.say import say
 from lostlink.flight.signals import signals_held
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _tell_before(planned: ReflightPlan, directory: RunDirectory, *, silent: bool
     for remark in planned.remarks:
         tell(remark)
     if not silent:
-        click.echo(f"flies {planned.run} again{planned.extent_told}, into {directory.path}")
+        say(f"flies {planned.run} again{planned.extent_told}, into {directory.path}")
 
 
 def _report(planned: ReflightPlan, outcome: Reflight, *, as_json: bool) -> NoReturn:
@@ -141,5 +142,5 @@ def _report(planned: ReflightPlan, outcome: Reflight, *, as_json: bool) -> NoRet
 
     for remark in outcome.remarks:
         tell(remark)
-    click.echo(json.dumps(as_plain(planned, outcome)) if as_json else as_text(planned, outcome))
+    say(json.dumps(as_plain(planned, outcome)) if as_json else as_text(planned, outcome))
     sys.exit(DISAGREES if outcome.is_different else WELL)

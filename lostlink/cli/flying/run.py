@@ -25,6 +25,7 @@ from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, se
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.bins_table import bins_table
 from lostlink.flight.console import plain_console
+from lostlink.flight.say import say
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
 from lostlink.view.beside import PORT, NoView, ViewProcess
@@ -152,7 +153,7 @@ def run(
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
             flight.view = viewing.failures(flight.directory, lambda: flight.is_flying)
-            click.echo(f"view: {viewing.address}", err=as_json or quiet)
+            say(f"view: {viewing.address}", err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         ports.close()
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
@@ -201,7 +202,7 @@ def _keep(viewing: ViewProcess, run: RunDirectory) -> None:
     """Let the view go on after the run, as long as somebody looks."""
     if viewing.is_open:
         with suppress(SystemExit):  # a signal ends the view: the run was over
-            click.echo("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
+            say("the view stays as long as somebody looks; Ctrl-C ends it", err=True)
             viewing.wait()
     elif failure := viewing.failure(run):
         tell(failure)
@@ -216,7 +217,7 @@ def _tell(
     if as_json:
         click.echo(json.dumps(summary))
     elif quiet:
-        click.echo(summary["verdict"])
+        say(summary["verdict"])
     else:
         if summary["bins"]:
             flight.console.print(bins_table(summary))
@@ -231,4 +232,4 @@ def _tell(
             flight.console.print(f"may not repeat: {reason}", soft_wrap=True)
         flight.console.print(summary["verdict"], soft_wrap=True, style="bold")
     if digest:
-        click.echo(summary["digest"])
+        say(summary["digest"])

@@ -24,6 +24,7 @@ from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
 from lostlink.cli.shown_table import print_table
 from lostlink.flight.console import plain_console
+from lostlink.flight.say import say
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
@@ -96,14 +97,14 @@ def study(
                 failed = _show(ours.fly(where), console)
         failed += _tell_results(ours, console, as_json=as_json)
     except (StudyError, OSError) as error:
-        click.echo(f"lostlink: {error}", err=True)
+        say(f"lostlink: {error}", err=True)
         sys.exit(EXIT_USAGE)
     except KeyboardInterrupt as error:
         for each in ending_signals():
             signal.signal(each, signal.SIG_DFL)  # once more, and it ends as it is
         if ours is not None:
             _tell_interrupted(ours, console, as_json=as_json)
-        click.echo("interrupted: start it again to go on", err=True)
+        say("interrupted: start it again to go on", err=True)
         sys.exit(128 + (error.args[0] if error.args else signal.SIGINT))
     sys.exit(EXIT_FAILED if failed else 0)
 
@@ -161,10 +162,10 @@ def _print_settings(ours: Study, rows: list[dict[str, Any]], whole: list[dict[st
         counts = [one.runs, one.passed, *([one.failed] if failed else [])]
         table.add_row(*map(str, one.labels.values()), *map(str, counts), *means)
     print_table(table)
-    click.echo("means over the seeds ± standard error")
+    say("means over the seeds ± standard error")
     for count, what in ((len(names) - len(shown), "numbers"), (len(settings) - LINES_MAX, "settings")):
         if count > 0:
-            click.echo(f"and {count} more {what}: see {TABLE_FILE}")
+            say(f"and {count} more {what}: see {TABLE_FILE}")
 
 
 def _mean_of(one: BySetting, name: str) -> str:

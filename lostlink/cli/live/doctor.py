@@ -13,6 +13,7 @@ from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import px4_option, scenario_with
+from lostlink.flight.say import say
 from lostlink.plan.machine import examine
 
 MISSING = (
@@ -48,7 +49,7 @@ def doctor(
         report = examine(chosen, AutopilotDirs(ardupilot_dir, px4_dir))
     except ScenarioError as error:
         fail(error)
-    click.echo(json.dumps(report, indent=1) if as_json else _as_text(report))
+    say(json.dumps(report, indent=1) if as_json else _as_text(report))
     sys.exit(0 if report["ok"] else 1)
 
 

@@ -17,6 +17,7 @@ from bridge.bus.session import Sample, SessionError, checked_endpoint, open_clie
 from bridge.run.access import NoAccess, endpoint_of
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail, tell
+from lostlink.flight.say import say
 
 WAITING_MAX = 10_000
 """Samples that may wait for a slow reader of our output; later ones are dropped, and said to be."""
@@ -94,7 +95,7 @@ def _print_samples(samples: queue.SimpleQueue[Sample | None], count: int | None,
     printed = 0
     while (sample := samples.get()) is not None:
         content = describe(sample)
-        click.echo(json.dumps(content) if as_json else as_text(content))
+        say(json.dumps(content) if as_json else as_text(content))
         printed += 1
         if printed == count:
             return

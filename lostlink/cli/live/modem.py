@@ -122,7 +122,7 @@ def modem(gcs: str, autopilot: str, duration: float | None, as_json: bool, quiet
         click.echo(json.dumps(told))
     else:
         for line in summary_lines(told):
-            click.echo(line)
+            say(line)
 
 
 def _planned(

@@ -10,11 +10,13 @@ from pathlib import Path
 import click
 
 from aps.api.guard import TOKEN_VARIABLE, ApiConfig
+from aps.logs.printable import PrintableForm
 from bridge.bus.session import SessionError
 from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
+from lostlink.flight.say import say
 from lostlink.view.beside import PORT, NoView, check_installed
 
 OVER = "the run was over before it could be looked at: `lostlink view RUN` plays its record"
@@ -66,8 +68,10 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
     from lostlink.view.background import ViewDied
     from lostlink.view.process import ViewSettings, view_live, view_record, wait_for_start
 
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    settings = ViewSettings(config, control, lambda address: click.echo(f"view: {address}"))
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableForm("%(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
+    settings = ViewSettings(config, control, lambda address: say(f"view: {address}"))
 
     async def serve() -> None:
         stop = asyncio.Event()
@@ -78,13 +82,13 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
         elif await wait_for_start(directory, stop):
             await view_live(directory, settings, stop)
         else:
-            click.echo(OVER, err=True)
+            say(OVER, err=True)
 
     try:
         asyncio.run(serve())
     except (SessionError, OSError, ValueError, ViewDied) as error:
         if isinstance(error, SessionError) and directory.is_over:
-            click.echo(OVER, err=True)  # it ended while we joined it
+            say(OVER, err=True)  # it ended while we joined it
         else:
             fail(error, 1)
 

@@ -12,6 +12,7 @@ import click
 from lostlink.cli.exits import fail
 from lostlink.cli.shown_table import print_table
 from lostlink.compare.told import CompareProgress, as_plain, as_text
+from lostlink.flight.say import say
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -71,10 +72,10 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
         more = {"settings": settings, "summary_mistakes": forged}
         click.echo(json.dumps(as_plain(comparison) | more, allow_nan=False))
     else:
-        click.echo(as_text(comparison, run_a, run_b))
+        say(as_text(comparison, run_a, run_b))
     tell_mistakes(forged)
     if settings and not as_json:
-        click.echo("The scenarios differ. What came of each run:")
+        say("The scenarios differ. What came of each run:")
         _table(runs, None, as_json=False, is_told=True)
     sys.exit(0 if comparison.difference is None and not forged else EXIT_DIFFERENT)
 
@@ -110,9 +111,9 @@ def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool, is_told:
         click.echo(json.dumps(content, allow_nan=False))
         return bool(forged)
     print_table(_rich_table(content))
-    click.echo(sameness(content))
+    say(sameness(content))
     if html is not None:
-        click.echo(html)
+        say(html)
     return bool(forged)
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import click
 
 from bridge.run.directory import RunDirectory
-from lostlink.cli.exits import fail
+from lostlink.cli.exits import fail, tell
 from lostlink.cli.records.mcap_options import changed, mcap_options
+from lostlink.flight.say import say
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
@@ -57,16 +58,28 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         folder.mkdir(parents=True, exist_ok=True)
         if as_csv:
             for path in export_csv(run, folder):
-                click.echo(path)
+                say(path)
         if as_mcap:
-            click.echo(_write_mcap(run, folder, mcap))
-    except (OSError, ValueError) as error:
+            say(_write_mcap(run, folder, mcap))
+    except OSError as error:
+        fail(error if error.filename is not None else f"{folder}: {error}")  # a full disk has no name
+    except ValueError as error:
         fail(error)
 
 
 def _write_mcap(run: Path, folder: Path, options: dict[str, Any]) -> Path:
     from lostlink.export.mcap.export import MCAP_FILE, write_mcap
+    from lostlink.reading.lost_parts import in_words, lost_parts
 
-    settings = changed(RunDirectory(run).scenario.mcap, **options)
-    write_mcap(run, folder / MCAP_FILE, settings)
-    return folder / MCAP_FILE
+    directory, path = RunDirectory(run), folder / MCAP_FILE
+    settings = changed(directory.scenario.mcap, **options)
+    lost = lost_parts(run, directory.summary)
+    if lost and path.exists():
+        raise ValueError(
+            f"{path} is there, and may have what the record has lost: {in_words(lost)}; "
+            "it is not replaced: name another folder with --out"
+        )
+    write_mcap(run, path, settings)
+    if lost:
+        tell(f"warning: {path} lacks what the record has lost: {in_words(lost)}")
+    return path

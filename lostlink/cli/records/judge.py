@@ -14,6 +14,7 @@ from lostlink.cli.exits import fail
 from lostlink.expectations.judge import Judgement
 from lostlink.expectations.judge import judge as judge_run
 from lostlink.flight.exits import UNEXPECTED
+from lostlink.flight.say import say
 from lostlink.reading.run import load_run
 
 
@@ -39,7 +40,7 @@ def judge(run: Path, scenario: str | None, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps([asdict(each) for each in judgements], indent=1))
     else:
-        click.echo("\n".join(map(str, judgements)) or "the scenario expects nothing")
+        say("\n".join(map(str, judgements)) or "the scenario expects nothing")
     sys.exit(0 if all(each.passed for each in judgements) else UNEXPECTED)
 
 

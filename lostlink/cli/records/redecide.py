@@ -18,6 +18,7 @@ from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import setting_options
 from lostlink.cli.shown_table import print_table
 from lostlink.flight.exits import DISAGREES
+from lostlink.flight.say import say
 
 if TYPE_CHECKING:
     from lostlink.redecision.redecide import Redecision
@@ -103,7 +104,7 @@ class _Progress:
 
     def __call__(self, done: float) -> None:
         if not self._silent and self._news.is_due():
-            click.echo(f"decided {100 * done:.0f} % of the packets", err=True)
+            say(f"decided {100 * done:.0f} % of the packets", err=True)
 
 
 class _Written:
@@ -115,7 +116,7 @@ class _Written:
 
     def __call__(self, name: str, rows: int) -> None:
         if not self._silent and self._news.is_due():
-            click.echo(f"writes {name}: {rows} rows so far", err=True)
+            say(f"writes {name}: {rows} rows so far", err=True)
 
 
 def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
@@ -125,6 +126,6 @@ def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
         for table in tables(result.comparison):
             print_table(table)
         if out is not None:
-            click.echo(out)
-    click.echo(sentence(result.comparison))
-    click.echo(verdict_on(result).text)
+            say(out)
+    say(sentence(result.comparison))
+    say(verdict_on(result).text)

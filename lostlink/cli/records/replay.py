@@ -20,6 +20,7 @@ from bridge.run.every import Every
 from bridge.run.process import on_stop_signal
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.number_or_word import SPEED
+from lostlink.flight.say import say
 
 if TYPE_CHECKING:
     from lostlink.replay.moment import Moment
@@ -93,7 +94,7 @@ def replay(
 
 
 def _fail(text: str) -> NoReturn:
-    click.echo(f"lostlink: {text}", err=True)
+    say(f"lostlink: {text}", err=True)
     sys.exit(EXIT_USAGE)
 
 
@@ -159,14 +160,14 @@ def _play(
 
     def tell(moment: Moment) -> None:
         if not quiet and news.is_due():
-            click.echo(f"sim time {moment.sim_time_ns / 1e9:7.2f} s of {last_s:.2f} s")
+            say(f"sim time {moment.sim_time_ns / 1e9:7.2f} s of {last_s:.2f} s")
 
     if not quiet:
         begin_s = controls.begin_ns / 1e9
         speed = "paused" if controls.pace.paused else speed_text(controls.pace.speed)
-        click.echo(f"plays {begin_s:g} s to {last_s:g} s on {keys.prefix}/** at {endpoint}, {speed}")
+        say(f"plays {begin_s:g} s to {last_s:g} s on {keys.prefix}/** at {endpoint}, {speed}")
     process = ReplayProcess(session, keys, controls, loop=loop, on_moment=tell)
     on_stop_signal(process.stop)
     process.run()
     if not quiet and controls.player.now is not None:
-        click.echo(f"ends at {controls.player.now.sim_time_ns / 1e9:.2f} s")
+        say(f"ends at {controls.player.now.sim_time_ns / 1e9:.2f} s")

@@ -14,6 +14,7 @@ from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
 from lostlink.flight.exits import DISAGREES
+from lostlink.flight.say import say
 
 REPORT_FILE = "report.html"
 
@@ -54,7 +55,7 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
         if out is not None or not as_json:
             path = out or found.path / REPORT_FILE
             write_report(content, path, tell)
-            click.echo(path, err=as_json)
+            say(path, err=as_json)
     except (OSError, ValueError) as error:
         fail(error)
     if as_json:
@@ -92,4 +93,4 @@ class Teller:
     def __call__(self, step: str) -> None:
         """Take what is done next."""
         if self._news.is_due():
-            click.echo(f"report: {step}", err=True)
+            say(f"report: {step}", err=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Final, Self
@@ -24,7 +25,7 @@ _QOS: Final = {"offered_qos_profiles": ""}
 
 
 class McapFile:
-    """Writes one file; it is there, whole, when the block is left without an error.
+    """Writes one file; it is there, whole, when the block is left without an error, and else nothing of it is.
 
     Args:
         path: of the file.
@@ -73,12 +74,12 @@ class McapFile:
         try:
             if kind is None:
                 self._writer.finish()
+                self._file.close()
+                self._partial.replace(self._path)
         finally:
-            self._file.close()
-            if kind is not None:
-                self._partial.unlink()
-        if kind is None:
-            self._partial.replace(self._path)
+            with suppress(OSError):
+                self._file.close()
+            self._partial.unlink(missing_ok=True)
 
 
 class Channel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -15,7 +16,7 @@ from bridge.run.directory import LOG_FOLDER
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.source import Feed, Item
 from lostlink.export.mcap.topics import named_chunk, unique
-from lostlink.export.mcap.values import ValueType, kind_of, merged, type_name, unique_type
+from lostlink.export.mcap.values import ValueType, at_times, kind_of, merged, type_name, unique_type
 
 LOG_TYPE: Final = "rcl_interfaces/msg/Log"
 _LEVELS: Final = {"DEBUG": 10, "INFO": 20, "WARNING": 30, "ERROR": 40, "CRITICAL": 50}
@@ -53,12 +54,18 @@ class _Types:
 def _types_of(run: Path, node: str, known: _Types) -> dict[str, ValueType]:
     """The types of a node's values, by their names: from all that there are."""
     kinds: dict[str, dict[str, str]] = {}
+    messages, given = Counter[str](), Counter[tuple[str, str]]()
     for _, item in logged_of(run, node):
         if isinstance(item, LoggedValue):
+            messages[item.name] += 1
             fields = kinds.setdefault(item.name, {})
             for key, value in _fields(item).items():
+                given[item.name, key] += 1
                 kind = kind_of(value)
                 fields[key] = merged(fields.get(key, kind), kind)
+    for name, fields in kinds.items():
+        lacking = [key for key in fields if given[name, key] < messages[name]]
+        fields.update({key: at_times(fields[key]) for key in lacking})
     return {name: known.of(name, fields) for name, fields in kinds.items()}
 
 

@@ -17,8 +17,10 @@ TYPES: Final = {
     "bool": "bool",
     "text": "string",
     "vector": "float64[]",
+    "text_or_none": "string[<=1]",
 }
 _EMPTY: Final = {"number": math.nan, "integer": 0, "bool": False, "text": "", "vector": ()}
+_AT_TIMES: Final = {"integer": "number", "bool": "number", "text": "text_or_none"}
 _FORMATS: Final = {"number": "d", "integer": "q", "bool": "?"}
 _INTEGER_MAX: Final = (1 << 63) - 1
 _WRITE_NUMBERS: Final = of_numbers("<", "d")[0]
@@ -63,7 +65,7 @@ class ValueType:
         return "".join(["std_msgs/Header header\n", *lines])
 
     def encode(self, stamp_ns: int, frame_id: str, values: Mapping[str, Any]) -> bytes:
-        """A message; what ``values`` lack, and what does not fit its kind, is empty: nan, 0, "", no numbers."""
+        """A message; what ``values`` lack, and what does not fit its kind, is empty: nan, 0, "", no items."""
         parts = [encode(Header.at(stamp_ns, frame_id))]
         position = len(parts[0]) - HEADER_BYTES
         for field in self.fields:
@@ -79,7 +81,15 @@ def merged(one: str, other: str) -> str:
     return "number" if {one, other} == {"number", "integer"} else "text"
 
 
+def at_times(kind: str) -> str:
+    """The kind of such a field that some messages lack: a number is nan there, and a list of one text empty."""
+    return _AT_TIMES.get(kind, kind)
+
+
 def _piece(kind: str, value: Any, position: int) -> bytes:
+    if kind == "text_or_none":
+        count = aligned("<", "I")[position & 7].pack(value is not None)
+        return count if value is None else count + _piece("text", value, position + len(count))
     if value is None:
         value = _EMPTY[kind]
     if kind == "text":

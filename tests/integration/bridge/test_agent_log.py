@@ -176,6 +176,37 @@ def test_what_agents_log_is_published_if_anybody_subscribes(start_run: StartRun,
     assert recorded[begin : begin + 6] == published
 
 
+COLOURFUL = """\
+import logging
+from lostlink import Agent
+
+
+class Logger(Agent):
+    async def fly(self):
+        self.ua.report("\\x1b[31mred [near]\\x07")
+        logging.getLogger("own").warning("\\x1b[2Jwiped")
+        await self.sleep(0.5)
+        if self.ua.node == "1":
+            raise RuntimeError("\\x1b]0;title\\x07 is told")
+"""
+
+
+def test_control_characters_of_agents_reach_neither_the_terminal_nor_a_log(
+    start_run: StartRun, tmp_path: Path
+) -> None:
+    (tmp_path / "logger.py").write_text(COLOURFUL)
+    run = start_run(scenario=OWN, duration_s=5.0)
+    assert run.finish() == 1
+    told = run.output.decode()
+    assert not {"\x1b", "\x07"} & set(told)
+    for line in (r"UA 0 \x1b[31mred [near]\x07", r"RuntimeError in flight: \x1b]0;title\x07 is told"):
+        assert line in told
+    logs = {path.name: path.read_text() for path in (run.directory / "logs").glob("*.log")}
+    assert not [name for name, text in logs.items() if {"\x1b", "\x07"} & set(text)]
+    assert r"own: \x1b[2Jwiped" in logs["node-0.log"]
+    assert load_run(run.directory).activities.activity.iloc[0] == "\x1b[31mred [near]\x07"
+
+
 FORGETFUL = """\
 from lostlink import Agent
 

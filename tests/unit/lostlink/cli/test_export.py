@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import csv
+import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -133,3 +137,52 @@ def test_a_run_is_written_as_mcap_by_its_tables_alone(tmp_path: Path) -> None:
     read = read_mcap(tmp_path / "out" / "run.mcap")
     assert read.counts == read.statistics
     assert {"/clock", "/ua_0/truth", "/fates"} <= read.counts.keys()
+
+
+def test_a_record_that_has_lost_its_streams_replaces_no_mcap_and_says_what_one_lacks(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    (folder / "logs").mkdir()
+    (folder / "summary.json").write_text(json.dumps({"digests": digests(folder)}))
+    whole = folder / "run.mcap"
+    assert [run(folder, "--mcap").stderr for _ in range(2)] == ["", ""]
+    content = whole.read_bytes()
+    shutil.rmtree(folder / "streams")
+    lost = (
+        "mavlink/0/from_autopilot, mavlink/0/to_autopilot, mavlink/1/from_autopilot, mavlink/1/to_autopilot, "
+    )
+    lost += "packets/0, packets/1"
+    done = run(folder, "--mcap")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"lostlink: {whole} is there, and may have what the record has lost: {lost}; "
+        "it is not replaced: name another folder with --out\n"
+    )
+    assert whole.read_bytes() == content
+    (folder / "logs").rmdir()
+    done, other = run(folder, "--mcap", "--out", tmp_path / "out"), tmp_path / "out" / "run.mcap"
+    assert (done.exit_code, done.stdout) == (0, f"{other}\n")
+    assert done.stderr == f"lostlink: warning: {other} lacks what the record has lost: {lost} and 1 more\n"
+    assert not [topic for topic in read_mcap(other).counts if topic.endswith("packets")]
+
+
+SMALL_FILES = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+from lostlink.cli.main import main
+sys.argv = ["lostlink", "export", *sys.argv[1:]]
+main()
+"""
+
+
+@pytest.mark.parametrize("option", ["--mcap", "--csv"])
+def test_of_a_file_that_could_not_be_written_nothing_is_left(tmp_path: Path, option: str) -> None:
+    folder = make_run(tmp_path / "run")
+    (folder / "scenario.yaml").write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    there = set(folder.iterdir())
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", SMALL_FILES, folder, option], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"lostlink: {folder}: [Errno 27] File too large\n"
+    assert set(folder.iterdir()) == there

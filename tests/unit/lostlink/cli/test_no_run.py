@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +13,12 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
+from bridge.scenario.file import ScenarioError
+from lostlink import load_run
 from lostlink.cli import main as command
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.flight import Flight
+from tests.unit.bridge.record.runs import make_run
 
 
 @pytest.mark.parametrize("name", ["redecide", "replay", "report"])
@@ -23,6 +27,31 @@ def test_a_directory_that_is_no_run_is_told(name: str, tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert f"{tmp_path / 'nosuch'} is not the directory of a run (it has no scenario.yaml)" in done.output
     assert "Errno" not in done.output
+
+
+NO_SCENARIOS = {
+    "- 1": ":1: a scenario is a mapping of keys to values",
+    "hello": ":1: a scenario is a mapping of keys to values",
+    "": ":1: a scenario is a mapping of keys to values",
+    "name: [1": ":1: is not YAML: expected ',' or ']', but got '<stream end>'",
+    "name: a\nseed: x": ":2: seed: has to be a whole number (got 'x')",
+    "name: \udcff": ": cannot be read: 'utf-8' codec can't decode byte 0xff in position 6: invalid start byte",
+}
+
+
+@pytest.mark.parametrize("content", NO_SCENARIOS)
+@pytest.mark.parametrize("words", ["redecide", "replay", "report", "judge", "refly", "export --mcap"])
+def test_a_record_whose_scenario_is_none_is_told_with_file_and_line(
+    words: str, content: str, tmp_path: Path
+) -> None:
+    file = make_run(tmp_path / "run") / "scenario.yaml"
+    file.write_bytes(content.encode(errors="surrogateescape"))
+    done = CliRunner().invoke(command.lostlink, [*words.split(), str(file.parent)], standalone_mode=False)
+    assert done.exit_code == 2, done.exception
+    assert f"{file}{NO_SCENARIOS[content]}\n" in done.output
+    assert "pydantic" not in done.output
+    with pytest.raises(ScenarioError, match=re.escape(f"{file}{NO_SCENARIOS[content]}")):
+        _ = load_run(file.parent).scenario
 
 
 def test_a_disk_that_is_too_full_for_a_summary_is_told_with_its_place_and_what_to_do(

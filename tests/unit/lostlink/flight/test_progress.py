@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header
+from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Links
 from lostlink.flight import progress as module
 from lostlink.flight.progress import Progress
 
@@ -55,6 +55,29 @@ def test_of_a_ua_that_is_unheard_no_numbers_are_shown() -> None:
     assert module._ua_text("0", AircraftState(altitude_rel_m=nan, groundspeed_mps=nan)) == "UA 0 unheard"
     heard = AircraftState(mode="GUIDED", altitude_rel_m=12.3, groundspeed_mps=nan)
     assert module._ua_text("0", heard) == "UA 0 GUIDED 12 m"
+
+
+def test_a_line_says_of_a_link_whose_radio_is_off_that_it_is() -> None:
+    nan = float("nan")
+    rows = (nan, nan), (nan, nan), (12.0, nan), (12.0, -61.0)
+    distances_m, powers_dbm = zip(*rows, strict=True)
+    many = [4] * len(rows)
+    nodes, tx, rx = ("0", "1", "2", "3"), (0, 1, 2, 3), (1, 2, 3, 1)
+    links = Links(
+        Header.at(0, ""), nodes, tx, rx, distances_m, powers_dbm, powers_dbm, powers_dbm, many, many, (0,)
+    )
+    shown, output = of_lines()
+    assert shown.glance is not None
+    shown.glance.links_came(links)
+    with shown:
+        shown.on_message(clock(0.05))
+    since = "4/4 in the last 0.0 s, 4/4 delivered"
+    assert output.getvalue().splitlines()[0].split("; ")[1:] == [
+        f"0 -> 1: radio off, {since}",
+        f"1 -> 2: {since}",
+        f"2 -> 3: 12 m, hopeless, {since}",
+        f"3 -> 1: 12 m, -61 dBm, {since}",
+    ]
 
 
 def test_phases_and_agents_have_lines() -> None:

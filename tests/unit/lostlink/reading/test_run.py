@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -9,15 +11,18 @@ import numpy as np
 import pytest
 
 from aps.wire.dialect import Encoder
+from bridge.record.digests import digests
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, RecordedInput
-from bridge.record.names import from_autopilot, inputs_path, packets
+from bridge.record.logged import LoggedValue, encode_logged
+from bridge.record.names import from_autopilot, inputs_path, logged, packets
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry
+from bridge.record.tables.every import TABLES
 from bridge.run.directory import SCENARIO_FILE
 from bridge.scenario.file import read_scenario
-from lostlink.reading.run import NoRun, load_run
-from tests.unit.bridge.record.runs import TICK_NS, RunContent, heartbeat, row_at, truth_at
+from lostlink.reading.run import NoRun, Run, load_run
+from tests.unit.bridge.record.runs import TICK_NS, RunContent, heartbeat, make_run, row_at, truth_at
 
 
 def write(path: Path, *, is_finished: bool = True) -> Path:
@@ -112,3 +117,51 @@ def test_what_is_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     shutil.rmtree(tmp_path / "runs")
     with pytest.raises(NoRun, match=r"runs/mine"):
         load_run("mine")
+
+
+def test_the_page_on_python_has_all_frames_and_tables() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "how-to" / "python.md").read_text(encoding="utf-8")
+    members = {name: getattr(member, "func", member) for name, member in vars(Run).items() if name[0] != "_"}
+    frames = [
+        name
+        for name, each in members.items()
+        if getattr(each, "__annotations__", {}).get("return") == "pd.DataFrame"
+    ]
+    assert {"truth", "packets", "agent_values"} <= set(frames)
+    assert [name for name in frames if not re.search(rf"`run\.{name}\b", page)] == []
+    listed = page.partition("Tables are ")[2].partition(".")[0]
+    assert set(re.findall("`([a-z]+)`", listed)) == {table.name for table in TABLES}
+
+
+def log(made: RunContent) -> None:
+    made.streams[logged("0")] = [Entry(0, encode_logged(LoggedValue("plan", {"to_m": 2, "late": True})))]
+
+
+def test_what_a_record_has_lost_is_not_taken_for_nothing(tmp_path: Path) -> None:
+    folder = make_run(tmp_path / "run", log)
+    (folder / SCENARIO_FILE).write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+    (folder / "logs").mkdir()
+    (folder / "summary.json").write_text(json.dumps({"digests": digests(folder)}))
+    whole = load_run(folder)
+    assert whole.agent_values("plan")[["to_m", "late"]].to_numpy().tolist() == [[2, True]]
+    assert len(list(whole.mavlink("1", "from_autopilot"))) == 20
+    shutil.rmtree(folder / "streams")
+    lost = load_run(folder)
+    place = re.escape(f"{folder}: the record has lost ")
+    told = f"^{place}logged/0; logged.parquet has the numbers and texts$"
+    for asked in (lambda: lost.agent_data, lambda: lost.agent_values("plan"), lambda: lost.activities):
+        with pytest.raises(ValueError, match=told):
+            asked()
+    with pytest.raises(ValueError, match=f"^{place}packets/1$"):
+        lost.transmitted("1")
+    with pytest.raises(ValueError, match=f"^{place}mavlink/1/from_autopilot$"):
+        lost.mavlink("1", "from_autopilot")
+    (folder / "summary.json").unlink()
+    with pytest.raises(ValueError, match=f"^{place}logged; logged.parquet has"):
+        _ = load_run(folder).agent_data
+
+
+def test_where_agents_logged_nothing_there_is_nothing(tmp_path: Path) -> None:
+    run = load_run(write(tmp_path / "run"))
+    assert len(run.agent_data) == 0
+    assert list(run.transmitted("1")) == []
