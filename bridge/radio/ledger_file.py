@@ -87,6 +87,24 @@ def write_ledger(
     partial_path.replace(path)
 
 
+def read_ledger(path: Path) -> dict[str, Any]:
+    """What `write_ledger` wrote; nothing if there is no file.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged.
+    """
+    if not path.exists():
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="ascii"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: damaged: {error}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: damaged: it has no counters")
+    return content
+
+
 def judged_in(books: Sequence[Books]) -> dict[str, list[dict[str, Any]]]:
     """The checks of all networks, and what could not be judged; of several each with its network's name."""
     checks, unjudged = [], []

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from bridge.radio.ledger_file import LEDGER
+from bridge.radio.ledger_file import LEDGER, read_ledger
 from bridge.record.digests import digest_line, digests
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
@@ -79,9 +78,7 @@ def _counted(run: Path) -> Counts:
 
 
 def _in_ledger(summary: Mapping[str, Any], run: Path) -> Iterator[str]:
-    if not (run / LEDGER).is_file():
-        return
-    ledger = json.loads((run / LEDGER).read_text(encoding="ascii"))
+    ledger = read_ledger(run / LEDGER)
     for key in sorted(summary.keys() & ledger.keys() & FROM_LEDGER):
         if not _same(summary[key], ledger[key]):
             yield f"{key}: not those of {LEDGER}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bridge.radio.ledger_file import LEDGER
+from bridge.radio.ledger_file import LEDGER, read_ledger
 from bridge.record.tables.routes import read_routes
 from lostlink.reading.rows import DeliveryRows
 
@@ -103,8 +102,5 @@ def routing_counts(run: Path) -> list[dict[str, Any]]:
     Raises:
         OSError, ValueError: the file cannot be read, or is damaged.
     """
-    file = run / LEDGER
-    if not file.exists():
-        return []
-    counts: list[dict[str, Any]] = json.loads(file.read_text()).get("routing", [])
+    counts: list[dict[str, Any]] = read_ledger(run / LEDGER).get("routing", [])
     return counts

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from bridge.radio.ledger_file import LEDGER
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.cli.records.compare import compare
 from lostlink.cli.records.report import report
@@ -101,6 +102,17 @@ def test_a_table_that_is_gone_is_told(recorded: Callable[[Path], Path], tmp_path
     run = recorded(tmp_path / "a")
     (run / f"{name}.parquet").unlink()
     assert re.fullmatch(rf"digests\.{name} is \w+, that of the record nothing", mistakes_in_summary(run)[0])
+
+
+@pytest.mark.parametrize("text", ["[]", "{", "3", "null", "\u00ff"])
+def test_a_damaged_ledger_is_told_by_its_name(
+    recorded: Callable[[Path], Path], tmp_path: Path, text: str
+) -> None:
+    run = recorded(tmp_path / "a")
+    (run / LEDGER).write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=f"^{run / LEDGER}: damaged: "):
+        mistakes_in_summary(run)
+    assert f"lostlink: {run / LEDGER}: damaged: " in invoke(report, run).stderr
 
 
 def test_a_run_without_an_end_has_no_summary_to_be_wrong(
