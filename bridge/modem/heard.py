@@ -118,6 +118,10 @@ class HeardWorld:
             heard.errors = min(heard.errors + 1, COUNTER_MAX)
         return fate
 
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """As in the world; the receiver measures nothing of what it does not follow."""
+        return self._world.comes_alone(frame, receiver, power_mw)
+
     def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> None:
         """A node's radio might transmit: it measures noise and signals (`channel.access.world.Metering`)."""
         taken_mw = self._world.noise_mw(node, at_ns) + energy_mw

@@ -89,6 +89,10 @@ class RadioWorld:
             together *= 1.0 - self._per(rate_bps, sinr, frame.length_bytes * piece_ns / duration_ns)
         return drawn < together, drawn < alone
 
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw."""
+        return self.survives(frame, receiver, power_mw, [Piece(frame.ended_ns - frame.started_ns, 0.0)])[1]
+
     def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
         receivers, chances = self._chances(frame.node, frame.length_bytes, frame.bit_rate_bps)
         came: NDArray[np.bool_] = (

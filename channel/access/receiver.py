@@ -195,7 +195,8 @@ class Receiver:
         self.channel = channel
         here = {**self._signals, **self._elsewhere}
         for frame in here:
-            self._lost.setdefault(frame, Loss.NO_LOCK)
+            if self._lost.get(frame, Loss.COLLIDED) is Loss.COLLIDED:
+                self._lost[frame] = Loss.NO_LOCK
         self._signals = {frame: power for frame, power in here.items() if frame.channel == channel}
         self._elsewhere = {frame: power for frame, power in here.items() if frame.channel != channel}
         self._locked = None
@@ -239,8 +240,10 @@ class Receiver:
             self._leaks()
             air.on_fate(frame, self.node, self._lost.pop(frame))
             return
-        del self._signals[frame]
+        power_mw = self._signals.pop(frame)
         loss = self._lost.pop(frame, None)
+        if loss is Loss.COLLIDED and not air.world.comes_alone(frame, self.node, power_mw):
+            loss = Loss.NOISE
         if locked is not None:
             if locked.frame is frame:
                 self._locked = None
@@ -289,6 +292,9 @@ class Receiver:
         if self._locked is not None:
             self._lost[self._locked.frame] = Loss.HALF_DUPLEX
             self._locked = None
+        for frame, loss in self._lost.items():
+            if loss is Loss.COLLIDED:
+                self._lost[frame] = Loss.HALF_DUPLEX
         self._damaged = False
         self._sense()
 

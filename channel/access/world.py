@@ -151,6 +151,9 @@ class World(Protocol):
     ) -> tuple[bool, bool]:
         """Whether a frame came through, and whether it would have done so without interference."""
 
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """Whether a frame that a receiver did not follow to its end would have come through, alone on the air."""
+
 
 @runtime_checkable
 class Foreseeing(Protocol):
@@ -223,13 +226,18 @@ class PlainWorld:
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """Lost by a draw of its own, or by any interference that is too strong."""
-        alone = self._comes_alone(frame, receiver)
+        alone = self.comes_alone(frame, receiver, power_mw)
         worst_mw = max(piece.interference_mw for piece in pieces)
         return alone and (worst_mw == 0.0 or power_mw >= self._sinr_min * worst_mw), alone
 
-    def _comes_alone(self, frame: AirFrame, receiver: int) -> bool:
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw."""
+        del power_mw
+        return self._draws_well(frame, receiver)
+
+    def _draws_well(self, frame: AirFrame, receiver: int) -> bool:
         return not self._loss or self._draws.uniform(frame.node, receiver, frame.number) >= self._loss
 
     def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
         receivers = self._reach[frame.node].receiver[rows].tolist()
-        return np.array([self._comes_alone(frame, receiver) for receiver in receivers], dtype=bool)
+        return np.array([self._draws_well(frame, receiver) for receiver in receivers], dtype=bool)

@@ -205,6 +205,10 @@ class LinkWorld:
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
 
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw; sources of interference and other networks are there."""
+        return self.survives(frame, receiver, power_mw, [Piece(frame.ended_ns - frame.started_ns, 0.0)])[1]
+
     def noise_mw(self, node: int, at_ns: int) -> float:
         """The noise of a node's receiver at an instant, with all that interferes but frames."""
         other = self.nodes[0] if node != self.nodes[0] else self.nodes[-1]

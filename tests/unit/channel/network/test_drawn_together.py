@@ -54,7 +54,7 @@ class Counting:
     """A world that counts what it was told to expect."""
 
     def __init__(self, world: Any) -> None:
-        self.nodes, self.survives = world.nodes, world.survives
+        self.nodes, self.survives, self.comes_alone = world.nodes, world.survives, world.comes_alone
         self.forget, self.delays_ns = world.forget, world.delays_ns
         self._world, self._expected = world, set[tuple[int, int, int]]()
         self.expected = self.started = 0
