@@ -180,6 +180,14 @@ class Metering(Protocol):
         """A radio has had no frame of its peers since it last looked."""
 
 
+@runtime_checkable
+class Switched(Protocol):
+    """A world whose radios can be switched off."""
+
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
+
+
 class PlainWorld:
     """Every node hears every other equally well, but those that are deaf to each other; two frames at once spoil both.
 

@@ -209,6 +209,10 @@ class LinkWorld:
         """By the same draw; sources of interference and other networks are there."""
         return self.survives(frame, receiver, power_mw, [Piece(frame.ended_ns - frame.started_ns, 0.0)])[1]
 
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
+        return bool(self._medium.radios_off(at_ns)[node])
+
     def noise_mw(self, node: int, at_ns: int) -> float:
         """The noise of a node's receiver at an instant, with all that interferes but frames."""
         other = self.nodes[0] if node != self.nodes[0] else self.nodes[-1]

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from tests.integration.bridge.test_air import RADIO, Flown, balances, flown, node, rows
+import json
+import math
+
+import pytest
+
+from lostlink import Run, redecide
+from tests.integration.bridge.test_air import RADIO, Flown, balances, flown, node, rows, told
 
 __all__ = ["flown"]
 FAINT = RADIO | {"error": {"model": "threshold", "snr_min_db": 40.0}}
@@ -46,3 +52,54 @@ def test_a_frame_that_an_emitter_takes_is_interfered_whatever_it_meets(flown: Fl
     run = flown([*nodes, jammer], {"model": "airtime"}, radio=FAINT)
     found = {sender: rows(run, sender, "0").fate.tolist() for sender in ("g1", "g2", "g3")}
     assert found == {"g1": ["collided"], "g2": ["interfered"], "g3": ["channel_erasure"]}
+
+
+def fates(run: Run, tx: str, rx: str) -> list[tuple[str, int, bool]]:
+    """Cause, how often on the air, and whether there is an instant of it, of each packet of a script."""
+    found = rows(run, tx, rx)
+    return list(zip(found.fate, found.attempts, found.started_ns >= 0, strict=True))
+
+
+def replies(run: Run, node_id: str) -> list[tuple[bool, int]]:
+    return [(each["acknowledged"], each["attempts"]) for each in told(run, node_id, "replies")]
+
+
+@pytest.mark.parametrize("rts_from_bytes", [None, 0])
+def test_what_a_radio_that_is_off_sends_or_should_get_by_802_11_is_lost_to_that(
+    flown: Flown, rts_from_bytes: int | None
+) -> None:
+    """Who is on transmits seven times to one that is off, or announces it so often; who is off transmits nothing."""
+    sends = [(1.0, "g2", 100), (1.2, "all", 100), (2.2, "g2", 100)]
+    off = node(2, 150.0, sends=[(1.1, "g1", 100), (1.3, "all", 100), (2.3, "g1", 100)])
+    off["radio_off"] = [{"from_s": 0.5, "to_s": 2.0}]
+    medium = {"model": "csma", "standard": "11a", "rts_from_bytes": rts_from_bytes}
+    run = flown([node(0, 0.0), node(1, 100.0, sends=sends), off], medium)
+    tries = 7 if rts_from_bytes is None else 0
+    came = ("delivered", 1, True)
+    assert fates(run, "g1", "g2") == [("radio_off", tries, tries > 0), ("radio_off", 1, True), came]
+    assert fates(run, "g2", "g1") == [("radio_off", 0, False), ("radio_off", 0, False), came]
+    assert fates(run, "g2", "0") == [("radio_off", 0, False)]
+    assert fates(run, "g1", "0") == [came]
+    assert (replies(run, "g1"), replies(run, "g2")) == ([(False, tries), (True, 1)], [(False, 0), (True, 1)])
+    assert balances(run)
+    assert redecide(run.path).comparison.is_same
+
+
+def test_an_announcement_that_nobody_answers_is_no_transmission_of_its_packet(flown: Flown) -> None:
+    """Node g2 is out of reach; node 0 is on again 1 ms after the first RTS to it, and gets the packet at once."""
+    radio = {"preset": "disk", "max_range_m": 500.0, "frequency_hz": 2.4e9}
+    sends = [(1.0, "g2", 300), (2.0, "0", 300)]
+    late = node(0, 0.0)
+    late["radio_off"] = [{"from_s": 1.5, "to_s": 2.001}]
+    medium = {"model": "csma", "standard": "11a", "rts_from_bytes": 0, "attempts_max": 30}
+    run = flown([late, node(1, 100.0, sends=sends), node(2, 5000.0)], medium, radio=radio)
+    assert fates(run, "g1", "g2") == [("retries_exhausted", 0, False)]
+    [row] = rows(run, "g1", "0").to_dict("records")
+    assert (row["fate"], row["attempts"]) == ("delivered", 1)
+    assert 2_001_000_000 < row["started_ns"] < 2_010_000_000
+    assert replies(run, "g1") == [(False, 0), (True, 1)]
+    # distance bins have the package's first transmission, and that of the packet to all at the start of the run
+    duration_ns = 20_000 + 4_000 * math.ceil((22 + 8 * 336) / 24)
+    assert row["ended_ns"] - row["started_ns"] == duration_ns
+    bins = json.loads((run.path / "ledger.json").read_text())["bins"]
+    assert [each["sent"] for each in bins if (each["tx"], each["rx"]) == ("g1", "0")] == [2]

@@ -273,6 +273,18 @@ def test_a_unicast_is_tried_so_often_and_given_up() -> None:
     assert (fate.loss, fate.attempts, reply.acknowledged, reply.attempts) == (Loss.RETRIES, 7, False, 7)
 
 
+def test_an_rts_that_nobody_answers_is_a_try_and_no_transmission_of_its_packet() -> None:
+    medium = Csma(PlainWorld((0, 1), deaf=((0, 1),)), wifi_b(), settings=DcfSettings(rts_from_bytes=0))
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    (fate, reply) = medium.run(S)
+    assert isinstance(fate, AirFate)
+    assert isinstance(reply, Reply)
+    assert (fate.loss, fate.attempts, fate.started_ns) == (Loss.RETRIES, 0, -1)
+    assert (reply.acknowledged, reply.attempts) == (False, 0)
+    # seven waits for a CTS, DIFS and six back-offs: each RTS, at 1 Mb/s with a long preamble, takes 352 us
+    assert reply.at_ns > 7 * 352_000 + 50_000
+
+
 def test_a_packet_that_came_is_delivered_though_its_acknowledgement_is_lost() -> None:
     """Once, however often it is sent again."""
     medium = Csma(PlainWorld((0, 1), deaf=((1, 0),)), wifi_b())
