@@ -85,6 +85,7 @@ class HeardWorld:
         self._world, self._peers, self._counts_foreign = world, peers, counts_foreign
         self.nodes = world.nodes
         self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
+        self.sources = world.sources
         self._came: dict[tuple[int, int], bool] = {}
         """Of a node and the sender of a frame that counts once the next begins: whether it came."""
 

@@ -117,6 +117,7 @@ class Receiver:
         transmits: whether it is on the air itself.
         is_busy: whether it senses a carrier.
         channel: where it listens.
+        sources_mw: what it takes in of interferers and emitters, while its access attends: energy, and nothing else.
     """
 
     __slots__ = (
@@ -132,6 +133,7 @@ class Receiver:
         "channel",
         "is_busy",
         "node",
+        "sources_mw",
         "transmits",
     )
 
@@ -145,6 +147,7 @@ class Receiver:
         self._foreign: list[Foreign] = []
         """Signals of other networks."""
         self._damaged = False
+        self.sources_mw = 0.0
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
         self.channel = air.hearing.channels.get(node, 0)
@@ -181,6 +184,22 @@ class Receiver:
                 self.is_busy = True
             else:
                 self._noticing = agenda.at(noticed_ns, SIGNAL_STARTS, self.node, self._tell, True)
+
+    def meets_sources(self, power_mw: float, since_ns: int) -> None:
+        """Its access attends from now on to a power of sources that is there since an instant."""
+        agenda, noticed_ns = self._air.agenda, since_ns + self._air.hearing.cca_ns
+        self.sources_mw = power_mw
+        if self.is_busy or not self._takes_enough():
+            return
+        if noticed_ns < agenda.now_ns:
+            self.is_busy = True
+        elif self._noticing is None:
+            self._noticing = agenda.at(noticed_ns, SIGNAL_STARTS, self.node, self._tell, True)
+
+    def hears_sources(self, power_mw: float) -> None:
+        """Sources of interference have another power from now on."""
+        self.sources_mw = power_mw
+        self._sense()
 
     @property
     def follows(self) -> AirFrame | None:
@@ -304,19 +323,17 @@ class Receiver:
         self._sense()
 
     def _sense(self) -> None:
-        is_busy = (
-            self.transmits
-            or self._locked is not None
-            or (
-                (bool(self._signals) or bool(self._elsewhere) or bool(self._foreign))
-                and self.energy_mw() >= self._air.hearing.energy_mw
-            )
-        )
+        is_busy = self.transmits or self._locked is not None or self._takes_enough()
         if is_busy != self.is_busy or self._noticing is not None:
             self._changes(is_busy)
 
+    def _takes_enough(self) -> bool:
+        """Whether all that it takes in together is a carrier."""
+        is_quiet = not (self._signals or self._elsewhere or self._foreign or self.sources_mw)
+        return not is_quiet and self.energy_mw() + self.sources_mw >= self._air.hearing.energy_mw
+
     def energy_mw(self) -> float:
-        """The power of all signals that it takes in now, those of other networks too."""
+        """The power of all signals that it takes in now, those of other networks too; sources are no signals."""
         heard_mw = self._heard_mw()
         if self._foreign:
             heard_mw += sum(signal.taken_mw(self.channel) for signal in self._foreign)

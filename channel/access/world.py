@@ -180,6 +180,25 @@ class Metering(Protocol):
         """A radio has had no frame of its peers since it last looked."""
 
 
+class Sources(Protocol):
+    """Interferers and emitters at the nodes of a world. What they answer depends on their arguments alone."""
+
+    def span_ns(self, at_ns: int) -> tuple[int, int]:
+        """From when to when nothing changes, about an instant."""
+
+    def powers_mw(self, at_ns: int) -> Sequence[float]:
+        """Of all of them together, at each node."""
+
+
+@runtime_checkable
+class Disturbed(Protocol):
+    """A world in which more than frames may be on the air."""
+
+    @property
+    def sources(self) -> Sources | None:
+        """What else there is; None: nothing."""
+
+
 @runtime_checkable
 class Switched(Protocol):
     """A world whose radios can be switched off."""

@@ -20,6 +20,7 @@ from channel.medium.medium import Medium
 from channel.medium.reception import DELIVERED, ERASED, Receptions
 from channel.medium.settling import Settling
 from channel.network.drawn import Drawn, as_packets, delays_ns
+from channel.network.sources import MediumSources
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ class LinkWorld:
 
     Attributes:
         beside: the network among others in its band; None: there are none.
+        sources: interferers and emitters at its nodes; None: there are none.
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class LinkWorld:
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
+        self.sources = MediumSources(medium, self._slots_ns) if self._has_sources else None
         self._expected: dict[_Key, Met] = {}
         """Frames that were drawn before they started."""
         self._first: dict[_Key, Met] = {}

@@ -79,7 +79,8 @@ class Csma(AccessMedium):
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
         self._switched = world if isinstance(world, Switched) else None
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
+        hearing = hearing or Hearing()
+        self.air = Air(self.agenda, world, hearing, self._passed, self._book_all, senses_sources=True)
         draws = Draws(seed)
         self._stations = {
             node: Station(self, node, WordStream(draws, str(node), "backoff")) for node in sorted(world.nodes)

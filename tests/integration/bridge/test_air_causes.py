@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import pytest
 
 from lostlink import Run, redecide
-from tests.integration.bridge.test_air import RADIO, Flown, balances, flown, node, rows, told
+from tests.integration.bridge.test_air import LIGHT_MPS, RADIO, Flown, balances, flown, node, rows, told
 
 __all__ = ["flown"]
 FAINT = RADIO | {"error": {"model": "threshold", "snr_min_db": 40.0}}
@@ -103,3 +104,58 @@ def test_an_announcement_that_nobody_answers_is_no_transmission_of_its_packet(fl
     assert row["ended_ns"] - row["started_ns"] == duration_ns
     bins = json.loads((run.path / "ledger.json").read_text())["bins"]
     assert [each["sent"] for each in bins if (each["tx"], each["rx"]) == ("g1", "0")] == [2]
+
+
+WIFI = RADIO | {"earth_radius_factor": None}
+CSMA = {"model": "csma", "standard": "11a", "queue": {"packets": 4}}
+
+
+def emitter(north_m: float, **more: Any) -> dict[str, Any]:
+    """On the carrier, with 20 dBm: free space leaves -62 dBm, from which on csma senses energy, at 328 m."""
+    place = {"place": {"north_m": north_m, "height_m": 10.0}}
+    return {"id": "j", "kind": "emitter", "frequency_hz": 915e6, "power_dbm": 20.0, **place, **more}
+
+
+def heard_from_m(level_dbm: float) -> float:
+    return 10.0 ** ((20.0 - level_dbm) / 20.0) * LIGHT_MPS / (4.0 * math.pi * 915e6)
+
+
+@pytest.mark.parametrize(("beside_m", "waits"), [(-1.0, True), (1.0, False)])
+def test_an_emitter_without_end_holds_stations_back_and_the_run_says_so(
+    flown: Flown, beside_m: float, waits: bool
+) -> None:
+    """Ten packets from a station that is as far from it as its power is sensed, within a metre; a queue of four."""
+    sends = [(1.0 + 0.1 * number, "0", 100) for number in range(10)]
+    nodes = [node(0, -3000.0), node(1, 0.0, sends=sends), emitter(heard_from_m(-62.0) + beside_m)]
+    run = flown(nodes, CSMA, radio=WIFI)
+    found = rows(run, "g1", "0")
+    warned = [text for text in run.summary["warnings"] if "interferers and emitters that never pause" in text]
+    if waits:  # the packet to all of the first tick is at the transmitter, and four wait behind it
+        assert found.fate.tolist() == ["run_ended"] * 4 + ["queue_full"] * 6
+        assert (found.started_ns == -1).all()
+        [warning] = warned
+        assert warning.startswith("at the first place of node g1 (-61.97 dBm) ")
+        assert "from -62 dBm on" in warning
+        [air] = run.summary["air"]
+        assert air["lost_waiting"] > air["waiting_at_end"] >= 4
+    else:
+        assert (found.started_ns > 0).all()
+        assert not warned
+    assert balances(run)
+    assert redecide(run.path).comparison.is_same
+
+
+def test_a_station_waits_until_an_emitter_has_gone(flown: Flown) -> None:
+    """It flies off at 100 m/s from 1 s on; its place is told at ticks, of which there are 100 a second."""
+    north_m = heard_from_m(-62.0) - 60.0
+    track = [
+        {"sim_time_s": at_s, "north_m": far_m, "height_m": 10.0}
+        for at_s, far_m in ((1.0, north_m), (3.0, north_m + 200.0))
+    ]
+    jammer = {key: value for key, value in emitter(0.0).items() if key != "place"} | {"track": track}
+    nodes = [node(0, -3000.0), node(1, 0.0, sends=[(1.0, "all", 100)]), jammer]
+    run = flown(nodes, CSMA, radio=WIFI, tick_rate_hz=100)
+    [started_ns] = rows(run, "g1", "0").started_ns
+    gone_s = 1.0 + 60.0 / 100.0
+    # a tick, 5 ms until it looks again, the frame before it, and twice DIFS and 15 slots of 9 us
+    assert gone_s - 0.001 < started_ns / 1e9 < gone_s + 0.01 + 0.005 + 0.001 + 2 * 0.00017

@@ -48,6 +48,7 @@ class Blind:
 
     def __init__(self, world: World) -> None:
         self.nodes, self.reach, self.survives = world.nodes, world.reach, world.survives
+        self.comes_alone = world.comes_alone
 
 
 class Counting:
