@@ -35,7 +35,7 @@ class CountingWorld:
 
     def __init__(self, world: World, setting: Setting) -> None:
         self.nodes, self._world, self._setting = world.nodes, world, setting
-        self.survives = world.survives
+        self.survives, self.comes_alone = world.survives, world.comes_alone
         self.transmitted: dict[tuple[int, int], int] = defaultdict(int)
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
@@ -59,6 +59,9 @@ class MovingWorld:
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         return self._at(frame).survives(frame, receiver, power_mw, pieces)
+
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        return self._at(frame).comes_alone(frame, receiver, power_mw)
 
     def _at(self, frame: AirFrame) -> RadioWorld:
         return self._after(round(self._setting.speed_mps * frame.started_ns / NS_PER_S / STEP_M))

@@ -85,6 +85,7 @@ class HeardWorld:
         self._world, self._peers, self._counts_foreign = world, peers, counts_foreign
         self.nodes, self.ids = world.nodes, world.ids
         self.heard = {node: RadioMeter(noise=register_of(noise_dbm[node])) for node in world.nodes}
+        self.sources = world.sources
         self._came: dict[tuple[int, int], bool] = {}
         """Of a node and the sender of a frame that counts once the next begins: whether it came."""
 
@@ -117,6 +118,10 @@ class HeardWorld:
         else:
             heard.errors = min(heard.errors + 1, COUNTER_MAX)
         return fate
+
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """As in the world; the receiver measures nothing of what it does not follow."""
+        return self._world.comes_alone(frame, receiver, power_mw)
 
     def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> None:
         """A node's radio might transmit: it measures noise and signals (`channel.access.world.Metering`)."""

@@ -15,7 +15,8 @@ from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
 from channel.access.packets import Loss
 from channel.access.passing import Notes, PassingFrame
 from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
-from channel.access.world import AirFrame, Arrival, FrameArrivals, Rows, World
+from channel.access.sources import NOBODY, SensedSources
+from channel.access.world import AirFrame, Arrival, Disturbed, FrameArrivals, Rows, World
 
 __all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]
 
@@ -35,6 +36,7 @@ class Air:
         on_fate: called with each frame at each node that it reaches, when it has passed: why it was lost, or None.
         on_fates: called with a frame that has passed several nodes, for which it came or was lost to noise; without it
             no frame passes as a whole.
+        senses_sources: whether carrier sense decides who transmits, so that receivers have to know of interferers.
     """
 
     def __init__(
@@ -44,6 +46,8 @@ class Air:
         hearing: Hearing,
         on_fate: Callable[[AirFrame, int, Loss | None], object],
         on_fates: OnFates | None = None,
+        *,
+        senses_sources: bool = False,
     ) -> None:
         self.agenda, self.world, self.hearing, self.on_fate = agenda, world, hearing, on_fate
         self._on_fates = on_fates
@@ -55,6 +59,8 @@ class Air:
         """Until this instant something may be on the air."""
         self._is_split = bool(hearing.channels)
         """Receivers may be on several channels."""
+        sources = world.sources if senses_sources and isinstance(world, Disturbed) else None
+        self._sources = None if sources is None else SensedSources(agenda, sources, self.ignore)
 
     def receiver(self, node: int) -> Receiver:
         """A node's receiver."""
@@ -64,6 +70,8 @@ class Air:
         """Give each node its receiver; all attend but the deaf."""
         self._receivers = {node: Receiver(self, node, ear) for node, ear in sorted(ears.items())}
         self._attending = {node for node, ear in ears.items() if not isinstance(ear, DeafEar)}
+        if self._sources is not None:
+            self.agenda.at(0, SIGNAL_ENDS, NOBODY, self._senses, self._sources)
         return self._receivers
 
     def attend(self, receiver: Receiver) -> None:
@@ -75,10 +83,19 @@ class Air:
         if self._passage is not None:
             self._go_on_singly(self._passage, self._passage.take_out(node))
         self._make_up(node)
+        if self._sources is not None:
+            self._sources.follow(receiver)
+
+    def _senses(self, sources: SensedSources) -> None:
+        """Those that attend from the start sense what is on the air then."""
+        for node in sorted(self._attending):
+            sources.follow(self._receivers[node])
 
     def ignore(self, receiver: Receiver) -> None:
         """A receiver's access does nothing but note when it last heard something, and whether that had errors."""
         self._attending.discard(receiver.node)
+        if self._sources is not None:
+            self._sources.leave(receiver)
 
     def passes_singly(self) -> None:
         """No frame passes as a whole from now on: somebody acts on each fate at its instant."""
@@ -158,7 +175,8 @@ class Air:
     def _let_pass(self, frame: AirFrame, arrivals: FrameArrivals, last_ns: int) -> Sequence[Arrival]:
         """Let a frame pass those who do not attend; the others."""
         attending = self._attending
-        attending -= {node for node in attending if self._receivers[node].is_done()}
+        for node in [node for node in attending if self._receivers[node].is_done()]:
+            self.ignore(self._receivers[node])
         attend = [node in attending for node in arrivals.receiver.tolist()]
         rows = np.flatnonzero(~np.array(attend, dtype=bool))
         self._passage = PassingFrame(frame, arrivals, rows)

@@ -33,6 +33,8 @@ class Loss(StrEnum):
     """Too weak, or too many errors of the channel alone."""
     RETRIES = "retries_exhausted"
     """A unicast was never acknowledged."""
+    RADIO_OFF = "radio_off"
+    """The radio of its sender, or of the node that a unicast is for, was switched off."""
     NO_LOCK = "no_lock"
     """The receiver listened on another channel: hopping radios that have not found each other."""
     NO_PEER = "no_peer"

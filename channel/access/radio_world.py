@@ -19,6 +19,30 @@ HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
 
 
+FOREVER_NS = 1 << 62
+
+
+class StandingSources:
+    """Sources that are always on, at nodes that stand.
+
+    Args:
+        powers_mw: of all together, by node.
+    """
+
+    def __init__(self, powers_mw: Mapping[int, float]) -> None:
+        self._powers_mw = [powers_mw.get(node, 0.0) for node in range(max(powers_mw) + 1)]
+
+    def span_ns(self, at_ns: int) -> tuple[int, int]:
+        """All time."""
+        del at_ns
+        return 0, FOREVER_NS
+
+    def powers_mw(self, at_ns: int) -> Sequence[float]:
+        """At each node."""
+        del at_ns
+        return self._powers_mw
+
+
 class RadioWorld:
     """Nodes at fixed places, all with one radio; powers are means, without shadowing and fading.
 
@@ -43,6 +67,10 @@ class RadioWorld:
                 if tx != rx:
                     reach[tx] += self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
             reach[tx].sort(key=lambda arrival: arrival.delay_ns)
+        floor_mw = float(ratio_from_db(radio.noise_floor_dbm))
+        taken_mw = {rx: noise_mw - floor_mw for (_, rx), noise_mw in self._noise_mw.items()}
+        self.sources = StandingSources(taken_mw) if radio.sources and taken_mw else None
+        """As in the noise of links, all that the radio has are on."""
         self._reach = {tx: FrameArrivals.of(arrivals, self._alone) for tx, arrivals in reach.items()}
         self._reached = {tx: tuple(rx for rx, _, _ in arrivals) for tx, arrivals in reach.items()}
         self._per = lru_cache(maxsize=65_536)(self._per_of)
@@ -88,6 +116,10 @@ class RadioWorld:
             sinr = power_mw / (noise_mw + interference_mw)
             together *= 1.0 - self._per(rate_bps, sinr, frame.length_bytes * piece_ns / duration_ns)
         return drawn < together, drawn < alone
+
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw."""
+        return self.survives(frame, receiver, power_mw, [Piece(frame.ended_ns - frame.started_ns, 0.0)])[1]
 
     def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
         receivers, chances = self._chances(frame.node, frame.length_bytes, frame.bit_rate_bps)

@@ -114,6 +114,7 @@ class Receiver:
         transmits: whether it is on the air itself.
         is_busy: whether it senses a carrier.
         channel: where it listens.
+        sources_mw: what it takes in of interferers and emitters, while its access attends: energy, and nothing else.
     """
 
     __slots__ = (
@@ -129,6 +130,7 @@ class Receiver:
         "channel",
         "is_busy",
         "node",
+        "sources_mw",
         "transmits",
     )
 
@@ -142,6 +144,7 @@ class Receiver:
         self._foreign: list[Foreign] = []
         """Signals of other networks."""
         self._damaged = False
+        self.sources_mw = 0.0
         self._noticing: Entry | None = None
         self.transmits = self.is_busy = False
         self.channel = air.hearing.channels.get(node, 0)
@@ -179,6 +182,22 @@ class Receiver:
             else:
                 self._noticing = agenda.at(noticed_ns, SIGNAL_STARTS, self.node, self._tell, True)
 
+    def meets_sources(self, power_mw: float, since_ns: int) -> None:
+        """Its access attends from now on to a power of sources that is there since an instant."""
+        agenda, noticed_ns = self._air.agenda, since_ns + self._air.hearing.cca_ns
+        self.sources_mw = power_mw
+        if self.is_busy or not self._takes_enough():
+            return
+        if noticed_ns < agenda.now_ns:
+            self.is_busy = True
+        elif self._noticing is None:
+            self._noticing = agenda.at(noticed_ns, SIGNAL_STARTS, self.node, self._tell, True)
+
+    def hears_sources(self, power_mw: float) -> None:
+        """Sources of interference have another power from now on."""
+        self.sources_mw = power_mw
+        self._sense()
+
     @property
     def follows(self) -> AirFrame | None:
         """The frame that it is locked on to."""
@@ -192,7 +211,8 @@ class Receiver:
         self.channel = channel
         here = {**self._signals, **self._elsewhere}
         for frame in here:
-            self._lost.setdefault(frame, Loss.NO_LOCK)
+            if self._lost.get(frame, Loss.COLLIDED) is Loss.COLLIDED:
+                self._lost[frame] = Loss.NO_LOCK
         self._signals = {frame: power for frame, power in here.items() if frame.channel == channel}
         self._elsewhere = {frame: power for frame, power in here.items() if frame.channel != channel}
         self._locked = None
@@ -236,8 +256,10 @@ class Receiver:
             self._leaks()
             air.on_fate(frame, self.node, self._lost.pop(frame))
             return
-        del self._signals[frame]
+        power_mw = self._signals.pop(frame)
         loss = self._lost.pop(frame, None)
+        if loss is Loss.COLLIDED and not air.world.comes_alone(frame, self.node, power_mw):
+            loss = Loss.NOISE
         if locked is not None:
             if locked.frame is frame:
                 self._locked = None
@@ -287,6 +309,9 @@ class Receiver:
         if self._locked is not None:
             self._lost[self._locked.frame] = Loss.HALF_DUPLEX
             self._locked = None
+        for frame, loss in self._lost.items():
+            if loss is Loss.COLLIDED:
+                self._lost[frame] = Loss.HALF_DUPLEX
         self._damaged = False
         self._sense()
 
@@ -296,19 +321,17 @@ class Receiver:
         self._sense()
 
     def _sense(self) -> None:
-        is_busy = (
-            self.transmits
-            or self._locked is not None
-            or (
-                (bool(self._signals) or bool(self._elsewhere) or bool(self._foreign))
-                and self.energy_mw() >= self._air.hearing.energy_mw
-            )
-        )
+        is_busy = self.transmits or self._locked is not None or self._takes_enough()
         if is_busy != self.is_busy or self._noticing is not None:
             self._changes(is_busy)
 
+    def _takes_enough(self) -> bool:
+        """Whether all that it takes in together is a carrier."""
+        is_quiet = not (self._signals or self._elsewhere or self._foreign or self.sources_mw)
+        return not is_quiet and self.energy_mw() + self.sources_mw >= self._air.hearing.energy_mw
+
     def energy_mw(self) -> float:
-        """The power of all signals that it takes in now, those of other networks too."""
+        """The power of all signals that it takes in now, those of other networks too; sources are no signals."""
         heard_mw = self._heard_mw()
         if self._foreign:
             heard_mw += sum(signal.taken_mw(self.channel) for signal in self._foreign)

@@ -151,6 +151,9 @@ class World(Protocol):
     ) -> tuple[bool, bool]:
         """Whether a frame came through, and whether it would have done so without interference."""
 
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """Whether a frame that a receiver did not follow to its end would have come through, alone on the air."""
+
 
 @runtime_checkable
 class Foreseeing(Protocol):
@@ -184,6 +187,33 @@ class Metering(Protocol):
 
     def heard_nobody(self, node: int) -> object:
         """A radio has had no frame of its peers since it last looked."""
+
+
+class Sources(Protocol):
+    """Interferers and emitters at the nodes of a world. What they answer depends on their arguments alone."""
+
+    def span_ns(self, at_ns: int) -> tuple[int, int]:
+        """From when to when nothing changes, about an instant."""
+
+    def powers_mw(self, at_ns: int) -> Sequence[float]:
+        """Of all of them together, at each node."""
+
+
+@runtime_checkable
+class Disturbed(Protocol):
+    """A world in which more than frames may be on the air."""
+
+    @property
+    def sources(self) -> Sources | None:
+        """What else there is; None: nothing."""
+
+
+@runtime_checkable
+class Switched(Protocol):
+    """A world whose radios can be switched off."""
+
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
 
 
 class PlainWorld:
@@ -232,13 +262,18 @@ class PlainWorld:
         self, frame: AirFrame, receiver: int, power_mw: float, pieces: Sequence[Piece]
     ) -> tuple[bool, bool]:
         """Lost by a draw of its own, or by any interference that is too strong."""
-        alone = self._comes_alone(frame, receiver)
+        alone = self.comes_alone(frame, receiver, power_mw)
         worst_mw = max(piece.interference_mw for piece in pieces)
         return alone and (worst_mw == 0.0 or power_mw >= self._sinr_min * worst_mw), alone
 
-    def _comes_alone(self, frame: AirFrame, receiver: int) -> bool:
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw."""
+        del power_mw
+        return self._draws_well(frame, receiver)
+
+    def _draws_well(self, frame: AirFrame, receiver: int) -> bool:
         return not self._loss or self._draws.uniform(frame.node, receiver, frame.number) >= self._loss
 
     def _alone(self, frame: AirFrame, rows: Rows) -> NDArray[np.bool_]:
         receivers = self._reach[frame.node].receiver[rows].tolist()
-        return np.array([self._comes_alone(frame, receiver) for receiver in receivers], dtype=bool)
+        return np.array([self._draws_well(frame, receiver) for receiver in receivers], dtype=bool)

@@ -20,6 +20,7 @@ from channel.medium.medium import Medium
 from channel.medium.reception import DELIVERED, ERASED, Receptions
 from channel.medium.settling import Settling
 from channel.network.drawn import Drawn, as_packets, delays_ns
+from channel.network.sources import MediumSources
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ class LinkWorld:
 
     Attributes:
         beside: the network among others in its band; None: there are none.
+        sources: interferers and emitters at its nodes; None: there are none.
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class LinkWorld:
         self._always_on = medium.drawing(switched=False)
         """For the noise of a frame that is on the air: its start decides whether radios are on."""
         self._slots_ns, self._has_sources = self._other.slots_ns, self._other.has_sources
+        self.sources = MediumSources(medium, self._slots_ns) if self._has_sources else None
         self._expected: dict[_Key, Met] = {}
         """Frames that were drawn before they started."""
         self._first: dict[_Key, Met] = {}
@@ -204,6 +207,14 @@ class LinkWorld:
                 met.lost_to_sources.add(receiver)
             return False, False
         return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+
+    def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
+        """By the same draw; sources of interference and other networks are there."""
+        return self.survives(frame, receiver, power_mw, [Piece(frame.ended_ns - frame.started_ns, 0.0)])[1]
+
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
+        return bool(self._medium.radios_off(at_ns)[node])
 
     def noise_mw(self, node: int, at_ns: int) -> float:
         """The noise of a node's receiver at an instant, with all that interferes but frames."""

@@ -17,6 +17,7 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
+from lostlink.plan.held import held_back
 from lostlink.reading.air import NEEDED, NS_PER_S, of_networks
 from lostlink.reading.air_account import AirAccount, account_of
 from lostlink.reading.links import link_counts
@@ -86,7 +87,7 @@ def summarise(
         "real_time_factor": timing.real_time_factor,
         **{key: ledger[key] for key in ("links", "bins", "refused")},
         "air": [account.plain for account in air],
-        "warnings": [text for account in air for text in account.warnings] + _warnings(scenario, reports),
+        "warnings": _air_warnings(scenario, air) + _warnings(scenario, reports),
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
@@ -100,6 +101,12 @@ def summarise(
         "outcome": verdict.outcome,
         "verdict": verdict.text,
     }
+
+
+def _air_warnings(scenario: Scenario, air: Sequence[AirAccount]) -> list[str]:
+    """What was likely not meant with the air, and why packets may have waited."""
+    lines = [text for account in air for text in account.warnings]
+    return [*lines, *held_back(scenario)] if any(account.lost_waiting for account in air) else lines
 
 
 def _warnings(scenario: Scenario, reports: Reports) -> list[str]:

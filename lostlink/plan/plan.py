@@ -18,6 +18,7 @@ from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
+from lostlink.plan.held import held_back
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
@@ -142,6 +143,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *overflows(scenario),
             *rates_that_differ(scenario),
             *too_late(scenario),
+            *held_back(scenario),
             *_at_one_home(scenario),
             *_at_one_port(scenario),
         ),

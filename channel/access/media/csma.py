@@ -20,7 +20,7 @@ from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Foreseeing, World
+from channel.access.world import AirFrame, Foreseeing, Switched, World
 from channel.draws import Draws
 
 DATA, ACK, RTS, CTS = "data", "ack", "rts", "cts"
@@ -78,7 +78,9 @@ class Csma(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, self._book_all)
+        self._switched = world if isinstance(world, Switched) else None
+        hearing = hearing or Hearing()
+        self.air = Air(self.agenda, world, hearing, self._passed, self._book_all, senses_sources=True)
         draws = Draws(seed)
         self._stations = {
             node: Station(self, node, WordStream(draws, self.ids[node], "backoff"))
@@ -101,12 +103,25 @@ class Csma(AccessMedium):
         assert packet.to is not None
         self._book(packet, packet.to, frame, attempts, None)
 
-    def ended(self, packet: AirPacket, frame: AirFrame | None, attempts: int, *, acknowledged: bool) -> None:
-        """The sender of a unicast has done with it; it may have come though no acknowledgement did."""
+    def ended(
+        self, packet: AirPacket, frame: AirFrame | None, attempts: int, loss: Loss | None = None
+    ) -> None:
+        """The sender of a unicast has done with it, None: it is acknowledged; it may have come though it is not."""
         assert packet.to is not None
         if self._stations[packet.to].misses(packet):
-            self._book(packet, packet.to, frame, attempts, Loss.RETRIES)
-        self._tell(Reply(packet, self.agenda.now_ns, acknowledged, attempts))
+            self._book(packet, packet.to, frame, attempts, loss)
+        self._tell(Reply(packet, self.agenda.now_ns, loss is None, attempts))
+
+    def silenced(self, packet: AirPacket, frame: AirFrame | None, attempts: int) -> None:
+        """The sender's radio is off: a packet goes no further."""
+        if packet.to is None:
+            self._lost(packet, Loss.RADIO_OFF)
+        else:
+            self.ended(packet, frame, attempts, Loss.RADIO_OFF)
+
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
+        return self._switched is not None and self._switched.is_off(node, at_ns)
 
     def attempts(self, node: int) -> int:
         """How often a station's present packet was on the air."""
@@ -137,7 +152,7 @@ class Station:
     """One node's DCF.
 
     Attributes:
-        attempts: how often its present packet was on the air.
+        attempts: how often its present packet was on the air; an RTS that nobody answered is none.
         receiver: of its node.
     """
 
@@ -161,6 +176,8 @@ class Station:
         "_reach_ns",
         "_timeout",
         "_timing",
+        "_tried_ns",
+        "_tries",
         "_words",
         "attempts",
         "receiver",
@@ -174,7 +191,7 @@ class Station:
         self.receiver: Receiver
         self._packet: AirPacket | None = None
         self._frame: AirFrame | None = None
-        self.attempts = 0
+        self.attempts = self._tries = self._tried_ns = 0
         self._cw, self._backoff = timing.cw_min, NO_BACKOFF
         self._idle_since_ns, self._ifs_ns, self._nav_ns = -timing.eifs_ns, timing.difs_ns, 0
         self._difs_ns, self._immediate_ns = timing.difs_ns, 0
@@ -224,7 +241,8 @@ class Station:
         return not had
 
     def _take(self) -> bool:
-        self._packet, self._frame, self.attempts = self._medium.next_packet(self._node), None, 0
+        self._packet, self._frame = self._medium.next_packet(self._node), None
+        self.attempts = self._tries = 0
         return self._packet is not None
 
     def _counts_from_ns(self) -> int:
@@ -248,10 +266,15 @@ class Station:
     def _access(self) -> None:
         """It may transmit."""
         self._pending = None
-        self._backoff, self._exchanging = NO_BACKOFF, True
-        packet = self._packet
+        packet, self._tried_ns = self._packet, self._agenda.now_ns
         assert packet is not None
-        self.attempts += 1
+        if self._medium.is_off(self._node, self._tried_ns):
+            self._medium.silenced(packet, self._frame, self.attempts)
+            self._take()
+            self._schedule()
+            return
+        self._backoff, self._exchanging = NO_BACKOFF, True
+        self._tries += 1
         if packet.to is None:
             duration_ns = self._timing.broadcast_ns(self._medium.body_bytes(packet))
             self._transmit(DATA, duration_ns, self._done, packet=packet)
@@ -293,6 +316,7 @@ class Station:
     ) -> None:
         now_ns, number = self._agenda.now_ns, self._frames
         self._frames += 1
+        self.attempts += packet is not None
         header_bytes = self._timing.header_bytes
         length_bytes = LENGTHS[kind] if packet is None else self._medium.body_bytes(packet) + header_bytes
         ended_ns = now_ns + duration_ns
@@ -306,7 +330,7 @@ class Station:
             packet,
             to,
             reserved_ns,
-            self.attempts,
+            self._tries if packet is None else self.attempts,
             self.receiver.channel,
         )
         if packet is not None:
@@ -335,8 +359,10 @@ class Station:
         self._idle_since_ns = max(self._idle_since_ns, self._agenda.now_ns - waited_ns)
         packet = self._packet
         assert packet is not None
-        if self.attempts >= self._medium.settings.attempts_max:
-            self._medium.ended(packet, self._frame, self.attempts, acknowledged=False)
+        if self._tries >= self._medium.settings.attempts_max:
+            assert packet.to is not None
+            is_off = self._medium.is_off(packet.to, self._tried_ns)
+            self._medium.ended(packet, self._frame, self.attempts, Loss.RADIO_OFF if is_off else Loss.RETRIES)
             self._done()
         else:
             self._cw = min(2 * self._cw + 1, self._timing.cw_max)
@@ -406,7 +432,7 @@ class Station:
                 at_ns = self._agenda.now_ns + self._timing.sifs_ns
                 self._agenda.at(at_ns, ACTS, self._node, self._send_unicast, packet)
             else:
-                self._medium.ended(packet, self._frame, self.attempts, acknowledged=True)
+                self._medium.ended(packet, self._frame, self.attempts)
                 self._done()
 
     def _answer(self, kind: str, frame: AirFrame) -> None:
@@ -418,7 +444,7 @@ class Station:
         self._agenda.at(at_ns, ACTS, self._node, self._reply, kind, duration_ns, frame.node, reserved_ns)
 
     def _reply(self, kind: str, duration_ns: int, to: int, reserved_ns: int) -> None:
-        if not self.receiver.transmits:
+        if not self.receiver.transmits and not self._medium.is_off(self._node, self._agenda.now_ns):
             self._transmit(kind, duration_ns, _nothing, to=to, reserved_ns=reserved_ns)
 
 

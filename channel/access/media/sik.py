@@ -120,7 +120,8 @@ class Sik(AccessMedium):
         self._meter = world if isinstance(world, Metering) else None
         self.settings = settings or SikSettings()
         self.timing = self.settings.timing()
-        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed)
+        senses = self.settings.lbt
+        self.air = Air(self.agenda, world, hearing or Hearing(), self._passed, senses_sources=senses)
         self._others: dict[int, tuple[int, ...]] = {}
         """Of each node on a NETID: the other nodes on it."""
         self._radios: dict[int, SikRadio] = {}

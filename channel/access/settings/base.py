@@ -185,6 +185,11 @@ class Locking(Variant):
         description="a later signal stronger by so much takes a receiver over; none does unless given",
     )
 
+    @property
+    def listens_first(self) -> bool:
+        """Whether a node waits with what it has while it senses a carrier."""
+        return False
+
     def locks_from_dbm(self, noise_floor_dbm: float) -> float:
         """The weakest signal that receivers lock on to, dBm, with the noise floor of the quietest of them."""
         return noise_floor_dbm if self.preamble_dbm is None else self.preamble_dbm

@@ -74,6 +74,11 @@ class CsmaMedium(Shared):
         self.timing()
         return self
 
+    @property
+    def listens_first(self) -> bool:
+        """Always."""
+        return True
+
     def timing(self) -> Wifi:
         """Of frames, slots and windows."""
         lowest = 1.0 if self.standard == "11b" else 6.0

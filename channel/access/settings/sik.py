@@ -87,6 +87,11 @@ class SikMedium(Locking):
                 netid_of[node] = netid
         return self
 
+    @property
+    def listens_first(self) -> bool:
+        """With LBT_RSSI."""
+        return self.lbt
+
     def links(self, nodes: Sequence[str]) -> dict[str, tuple[str, ...]]:
         """Who hears whom: by NETID, its nodes.
 

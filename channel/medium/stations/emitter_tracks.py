@@ -51,6 +51,11 @@ class EmitterTracks:
             raise ChannelInputError("position_ned_m", f"{len(rows)} rows", f"{len(names)}, one for each")
         self._tracks.observe(np.array([self._index[name] for name in names]), sim_time_ns, rows)
 
+    @property
+    def are_known(self) -> bool:
+        """Whether all of them were ever seen."""
+        return self._tracks.all_known or not self.names
+
     def snapshot(self, instants_ns: NDArray[np.int64]) -> Snapshot:
         """Return where all of them were at some instants, with their velocities; see `Tracks.at`.
 

@@ -203,7 +203,7 @@ def test_a_relay_whose_radio_goes_off_is_left_in_five_messages(flown: Fly) -> No
     assert ways(broken, "0", "end")[-1] == ["0", other]
     after_s = came[came.arrived_ns > silent_s * 1e9].arrived_ns.min() / 1e9 - silent_s
     assert 0.0 < after_s < 5 * (interval_s + 0.02) + 0.05 + 0.1
-    assert set(found[found.fate != "delivered"].fate) == {"retries_exhausted"}
+    assert set(found[found.fate != "delivered"].fate) == {"radio_off"}
     assert balances(broken)
 
 

@@ -196,6 +196,40 @@ def test_a_stronger_frame_comes_through(ratio: float, kept: bool) -> None:
     assert of_the_second(0, 10.0) == {1: None if kept else lost, 0: lost}
 
 
+@pytest.mark.parametrize("capture", [np.inf, 4.0])
+def test_collided_is_what_would_have_come_alone(capture: float) -> None:
+    """Each sender is run by itself, too: it transmits at the same instants, with the same draws."""
+    powers = {(a, b): 1e-7 * 3.0 ** ((2 * a + 3 * b) % 4) for a in range(5) for b in range(5)}
+
+    def lost(senders: tuple[int, ...]) -> dict[tuple[int, int, int], Loss | None]:
+        world = PlainWorld(range(5), power_mw=powers, loss=0.4, sinr_min=8.0, seed=4)
+        medium = AirTime(world, KBPS_80, hearing=Hearing(capture=capture))
+        rng = np.random.default_rng(5)
+        for sender in range(4):
+            for number, at_ns in enumerate(sorted(rng.integers(0, 5 * S, 60).tolist())):
+                if sender in senders:
+                    medium.offer(AirPacket(sender, number, None, 100, at_ns))
+        fates = [one for one in medium.run(8 * S) if isinstance(one, AirFate)]
+        return {(one.packet.node, one.packet.number, one.receiver): one.loss for one in fates}
+
+    together, alone = lost((0, 1, 2, 3)), {}
+    for sender in range(4):
+        alone |= lost((sender,))
+    wanted = {Loss.COLLIDED: None, Loss.NOISE: Loss.NOISE, None: None}
+    found = Counter(loss for loss in together.values())
+    assert min(found[loss] for loss in wanted) > 50
+    assert all(alone[key] is wanted[loss] for key, loss in together.items() if loss in wanted)
+
+
+def test_who_transmits_loses_what_was_lost_to_others_already() -> None:
+    """Node 2 follows the first of two frames when it transmits: alone, the second would be lost, too."""
+    medium = AirTime(PlainWorld((0, 1, 2), deaf=((0, 1), (1, 0))), KBPS_80)
+    for node, at_ns in ((0, 0), (1, 5 * MS), (2, 8 * MS)):
+        medium.offer(AirPacket(node, 0, 2 if node < 2 else 0, 100, at_ns))
+    found = {one.packet.node: one.loss for one in medium.run(S) if isinstance(one, AirFate)}
+    assert found == {0: Loss.HALF_DUPLEX, 1: Loss.HALF_DUPLEX, 2: Loss.HALF_DUPLEX}
+
+
 def test_a_short_burst_of_interference_is_a_part_of_a_frame() -> None:
     """A frame of which a tenth is disturbed at 0 dB loses as many bits as that tenth has, no more."""
     radio = Radio(load_radio("corrected", {"error": {"model": "uncoded-awgn"}}))
@@ -237,6 +271,18 @@ def test_a_unicast_is_tried_so_often_and_given_up() -> None:
     assert isinstance(fate, AirFate)
     assert isinstance(reply, Reply)
     assert (fate.loss, fate.attempts, reply.acknowledged, reply.attempts) == (Loss.RETRIES, 7, False, 7)
+
+
+def test_an_rts_that_nobody_answers_is_a_try_and_no_transmission_of_its_packet() -> None:
+    medium = Csma(PlainWorld((0, 1), deaf=((0, 1),)), wifi_b(), settings=DcfSettings(rts_from_bytes=0))
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    (fate, reply) = medium.run(S)
+    assert isinstance(fate, AirFate)
+    assert isinstance(reply, Reply)
+    assert (fate.loss, fate.attempts, fate.started_ns) == (Loss.RETRIES, 0, -1)
+    assert (reply.acknowledged, reply.attempts) == (False, 0)
+    # seven waits for a CTS, DIFS and six back-offs: each RTS, at 1 Mb/s with a long preamble, takes 352 us
+    assert reply.at_ns > 7 * 352_000 + 50_000
 
 
 def test_a_packet_that_came_is_delivered_though_its_acknowledgement_is_lost() -> None:

@@ -28,7 +28,8 @@ class OneByOne:
     """A world of which nothing can pass as a whole: it gives no columns."""
 
     def __init__(self, world: World) -> None:
-        self.nodes, self._world, self.survives = world.nodes, world, world.survives
+        self.nodes, self._world = world.nodes, world
+        self.survives, self.comes_alone = world.survives, world.comes_alone
 
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         return list(self._world.reach(frame))

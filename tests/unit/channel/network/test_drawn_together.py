@@ -48,13 +48,15 @@ class Blind:
 
     def __init__(self, world: World) -> None:
         self.nodes, self.reach, self.survives = world.nodes, world.reach, world.survives
+        self.comes_alone = world.comes_alone
 
 
 class Counting:
     """A world that counts what it was told to expect."""
 
     def __init__(self, world: Any) -> None:
-        self.nodes, self.ids, self.survives = world.nodes, world.ids, world.survives
+        self.nodes, self.ids = world.nodes, world.ids
+        self.survives, self.comes_alone = world.survives, world.comes_alone
         self.forget, self.delays_ns = world.forget, world.delays_ns
         self._world, self._expected = world, set[tuple[int, int, int]]()
         self.expected = self.started = 0

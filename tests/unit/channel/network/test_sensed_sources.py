@@ -1,0 +1,216 @@
+"""Carrier sense of interferers: stations that listen before they talk wait for them as for anybody.
+
+IEEE 802.11-2020, 17.3.10.6: any signal from the energy level on holds the medium busy. Powers are free space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from channel.access.air import Hearing
+from channel.access.media.csma import Csma
+from channel.access.packets import AirFate, AirPacket
+from channel.access.radio_world import RadioWorld
+from channel.access.timing import wifi_a
+from channel.link.radio import Radio
+from channel.presets import radio_from_mapping
+from tests.unit.channel.network.test_band import (
+    MS,
+    NOISE_DBM,
+    RADIO,
+    Came,
+    Run,
+    S,
+    Sent,
+    at,
+    free_space_db,
+    mw,
+)
+
+DIFS_NS, SLOT_NS, CCA_NS = 34_000, 9_000, 4_000
+ENERGY_DBM = -62.0
+"""The standard's, at 20 MHz, and csma's default."""
+PLACES = {"1": 0.0, "2": 100.0}
+AWAY_M = 200.0
+"""From node 1 to the interferer, away from node 2."""
+EVERY_50_MS = [Sent("1", number * 50 * MS + 7 * MS) for number in range(20)]
+LBT_NS = 311 * 15_673
+"""312 ticks of silence, of which the first may have begun already."""
+
+
+def jammer(power_dbm: float, **more: Any) -> dict[str, Any]:
+    return {"position_ned_m": [-AWAY_M, 0.0, -100.0], "power_dbm": power_dbm, **more}
+
+
+def jammed(*interferers: dict[str, Any], medium: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    interference = {"rejection": [[0.0, 0.0]], "interferers": interferers, **more}
+    csma = {"model": "csma", "standard": "11a"}
+    return RADIO | {"interference": interference, "medium": csma | (medium or {})}
+
+
+def came(
+    radio: Any, sent: Sequence[Sent], until_ns: int = S, tick_ns: int = 50 * MS, **places: float
+) -> list[Came]:
+    return Run({"a": (radio, PLACES | places)}, tick_ns).fates({"a": sent}, until_ns)["a"]
+
+
+@pytest.mark.parametrize("over_db", [-0.01, 0.01])
+def test_a_station_waits_while_an_interferer_is_at_the_energy_level(over_db: float) -> None:
+    """It is heard for ever: what was sent waits, and what finds no room in the queue is lost."""
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) + over_db
+    radio = jammed(jammer(power_dbm), medium={"queue": {"packets": 3}})
+    found = came(radio, EVERY_50_MS)
+    if over_db < 0.0:
+        assert [each.started_ns - each.entered_ns for each in found] == [DIFS_NS] * 20
+    else:  # one is at the transmitter, three are in the queue
+        assert [each.fate for each in found] == ["queue_full"] * 16
+        assert [each.started_ns for each in found] == [-1] * 16
+
+
+@pytest.mark.parametrize("over_db", [-0.01, 0.01])
+def test_what_the_filter_takes_is_not_sensed(over_db: float) -> None:
+    """60 kHz beside the carrier, where it takes 20 dB."""
+    carrier_hz = RADIO["frequency_hz"] + 60e3
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M, carrier_hz) + 20.0 + over_db
+    radio = jammed(jammer(power_dbm, frequency_hz=carrier_hz), rejection=[[0.0, 0.0], [50e3, 20.0]])
+    assert at(came(radio, EVERY_50_MS[:1]), "2") == ([] if over_db > 0.0 else ["delivered"])
+
+
+@pytest.mark.parametrize("over_db", [-0.01, 0.01])
+def test_two_interferers_are_sensed_together(over_db: float) -> None:
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) - 10.0 * np.log10(2.0) + over_db
+    found = came(jammed(jammer(power_dbm), jammer(power_dbm)), EVERY_50_MS[:1])
+    assert at(found, "2") == ([] if over_db > 0.0 else ["delivered"])
+
+
+@pytest.mark.parametrize("over_db", [-0.01, 0.01])
+def test_an_interferer_and_a_frame_are_sensed_together(over_db: float) -> None:
+    """A frame that is too weak to be locked on to, with the power that the interferer lacks, from node 5."""
+    frame_m = 400.0
+    frame_mw = mw(20.0 - free_space_db(frame_m))
+    lacks_mw = mw(ENERGY_DBM + over_db) - frame_mw
+    assert lacks_mw > 0.0
+    power_dbm = 10.0 * np.log10(lacks_mw) + free_space_db(AWAY_M)
+    energy = {"preamble_dbm": -40.0, "energy_dbm": ENERGY_DBM}
+    radio = jammed(jammer(power_dbm), medium=energy)
+    sent = [Sent("5", 0, 1000), Sent("1", 200_000, 100)]
+    found = came(radio, sent, **{"5": frame_m})
+    [started_ns] = {each.started_ns for each in found if each.node == "1"}
+    frame_ns = 20_000 + 4_000 * int(np.ceil((22 + 8 * 1036) / 24))
+    assert (started_ns == 200_000 + DIFS_NS) == (over_db < 0.0)
+    if over_db > 0.0:
+        idle_ns = DIFS_NS + frame_ns + round(frame_m / 299_792_458.0 * 1e9) + DIFS_NS
+        assert (started_ns - idle_ns) in [slots * SLOT_NS for slots in range(16)]
+
+
+def slots_on(run: Run, slot_ns: int, until_ns: int) -> list[tuple[int, int]]:
+    """When the only interferer of a run is on: when frames at node 2 have it for noise."""
+    world, slots = run.neighbours["a"].network.world, range(0, until_ns, slot_ns)
+    return [(at_ns, at_ns + slot_ns) for at_ns in slots if world.noise_mw(1, at_ns) > 2.0 * mw(NOISE_DBM)]
+
+
+def test_a_station_transmits_between_the_pulses_of_an_interferer() -> None:
+    """Each packet is on the air DIFS after it entered, or DIFS and a back-off after a pulse that it met."""
+    slot_ns = 3 * MS
+    radio = jammed(jammer(20.0, duty=0.5, slot_s=0.003))
+    sent = [Sent("1", at_ns) for at_ns in range(1 * MS, 3000 * MS, 31_300_001)]
+    run = Run({"a": (radio, PLACES)})
+    found = run.fates({"a": sent}, 4 * S)["a"]
+    assert len(found) == len(sent)
+    on = slots_on(run, slot_ns, 4 * S)
+    edges = [end for (_, end), (begin, _) in pairwise(on) if begin > end]
+    deferred = 0
+    for each in found:
+        met = [
+            (begin, end)
+            for begin, end in on
+            if begin < each.entered_ns + DIFS_NS - CCA_NS and end > each.entered_ns
+        ]
+        if met:
+            waits_ns = [each.started_ns - edge - DIFS_NS for edge in edges if edge >= met[0][1]]
+            assert any(wait_ns in [slots * SLOT_NS for slots in range(16)] for wait_ns in waits_ns)
+            deferred += 1
+        else:
+            assert each.started_ns == each.entered_ns + DIFS_NS
+        assert not any(begin + CCA_NS <= each.started_ns < end for begin, end in on)
+    assert 0.3 * len(sent) < deferred < 0.7 * len(sent)
+
+
+RANDOM = {
+    "shadowing": {"model": "normal", "sigma_db": 6.0},
+    "fading": {"model": "rician", "k_db": 6.0},
+}
+
+
+@pytest.mark.parametrize("terms", [{}, RANDOM])
+def test_neither_ticks_nor_bystanders_change_who_waits(terms: dict[str, Any]) -> None:
+    """With an interferer in pulses near the level of energy; bystanders are beyond reach, and send."""
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) + 3.0
+    radio = (
+        jammed(jammer(power_dbm, duty=0.6, slot_s=0.004), jammer(power_dbm, duty=0.3, slot_s=0.007)) | terms
+    )
+    rng = np.random.default_rng(3)
+    sent = [
+        Sent(str(rng.choice(["1", "2"])), at_ns, 200) for at_ns in np.sort(rng.integers(0, S, 150)).tolist()
+    ]
+    first = sorted(map(repr, came(radio, sent, 2 * S)))
+    waits_ns = [each.started_ns - each.entered_ns for each in came(radio, sent, 2 * S)]
+    assert sum(wait_ns > MS for wait_ns in waits_ns) > 20
+    assert waits_ns.count(DIFS_NS) > 20
+    for tick_ns in (20 * MS, 200 * MS):
+        assert sorted(map(repr, came(radio, sent, 2 * S, tick_ns))) == first
+    far = {"8": 5e8, "9": 6e8}
+    more = sorted(
+        [*sent, *(Sent("8", number * 9 * MS) for number in range(100))], key=lambda each: each.at_ns
+    )
+    beside = came(radio, more, 2 * S, **far)
+    assert sorted(repr(each) for each in beside if {each.node, each.receiver} <= {"1", "2"}) == first
+
+
+def test_who_has_nothing_to_send_costs_nothing() -> None:
+    """After its last back-off nothing is left to happen, though the interferer goes on; without one there never is."""
+    for radio in (jammed(jammer(-10.0, duty=0.5)), jammed()):
+        run = Run({"a": (radio, PLACES)})
+        network = run.neighbours["a"].network
+        assert (network.world.sources is None) == (not radio["interference"]["interferers"])
+        assert len(run.fates({"a": EVERY_50_MS[:1]}, S)["a"]) == 1
+        assert network.access.agenda.next_ns is None
+
+
+def test_a_radio_that_is_off_senses_no_interferer() -> None:
+    """What it is given is lost at once, and does not wait for the interferer to end."""
+    run = Run({"a": (jammed(jammer(20.0)), PLACES)})
+    run.neighbours["a"].side.medium.switch_radio("1", 0, on=False)
+    assert [each.fate for each in run.fates({"a": EVERY_50_MS}, S)["a"]] == ["radio_off"] * 20
+
+
+@pytest.mark.parametrize(("lbt", "energy_dbm"), [(True, -90.0), (True, -50.0), (False, -90.0)])
+def test_a_sik_radio_that_listens_before_it_talks_hears_interferers(lbt: bool, energy_dbm: float) -> None:
+    """-60 dBm in slots of 0.2 s: it begins 5 ms after the end of one at the earliest; -50 dBm it never is."""
+    medium = {"model": "sik", "lbt": lbt, "energy_dbm": energy_dbm, "preamble_dbm": -95.0, "channels": 1}
+    power_dbm = -60.0 + free_space_db(AWAY_M)
+    radio = jammed(jammer(power_dbm, duty=0.5, slot_s=0.2)) | {"medium": medium}
+    run = Run({"a": (radio, PLACES)})
+    found = run.fates({"a": [Sent("1", number * 97 * MS, 50) for number in range(100)]}, 12 * S)["a"]
+    on = slots_on(run, 200 * MS, 12 * S)
+    within = [any(begin < each.started_ns < end + LBT_NS for begin, end in on) for each in found]
+    assert len(found) == 100
+    assert (sum(within) == 0) == (lbt and energy_dbm < -60.0)
+
+
+@pytest.mark.parametrize("over_db", [-0.01, 0.01])
+def test_stations_without_a_flight_sense_what_their_links_have_for_noise(over_db: float) -> None:
+    """As `lostlink air` loads them."""
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) + over_db
+    radio = Radio(radio_from_mapping(jammed(jammer(power_dbm))))
+    world = RadioWorld(radio, {node: (north_m, 0.0, -100.0) for node, north_m in enumerate(PLACES.values())})
+    medium = Csma(world, wifi_a(6.0), hearing=Hearing(mw(NOISE_DBM), mw(ENERGY_DBM), cca_ns=CCA_NS))
+    medium.offer(AirPacket(0, 0, None, 100, MS))
+    assert [one.started_ns for one in medium.run(S) if isinstance(one, AirFate)] == (
+        [] if over_db > 0.0 else [MS + DIFS_NS]
+    )
