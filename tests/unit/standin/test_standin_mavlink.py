@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin import cli
 from standin.autopilot import Autopilot
+from standin.vehicle.auto import Auto
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import (
     StandinParameters,
@@ -666,6 +667,49 @@ def test_a_mission_that_ends_with_a_setting_completes(ready: Bench) -> None:
     ready.command(176, 1, AUTO)
     ready.run(1.0)
     assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+
+
+def without_height(message: Any) -> Any:
+    message.z = 0.0
+    return message
+
+
+@pytest.mark.parametrize("frame", [0, 3])
+def test_an_item_without_a_height_or_a_place_keeps_that_of_before(ready: Bench, frame: int) -> None:
+    """As ArduCopter: it flew into the ground."""
+    vehicle = ready.autopilot.vehicle
+    here = item(3, frame=3, lat=0, lon=0)
+    far = [without_height(item(seq, frame=frame, lat=450_000_000 + 10_000 * seq)) for seq in (1, 2)]
+    upload(ready, [item(0), *far, here, without_height(item(4, 21, frame=3, lat=0, lon=0))])
+    in_the_air(ready)
+    ready.pose = {"position": [0.0, 0.0, -35.0]}
+    ready.turn()
+    ready.command(176, 1, AUTO)
+    ready.run(0.02)
+    first = vehicle.navigator.target_ned_m()
+    assert first == pytest.approx((111.32, 0.0, -35.0), abs=0.01)
+    ready.pose = {"position": [first[0] + 1.0, 0.5, -35.8]}
+    ready.run(0.02)
+    second = vehicle.navigator.target_ned_m()
+    assert second == pytest.approx((222.64, 0.0, -35.0), abs=0.01), "the point before counts, when reached"
+    ready.pose = {"position": [second[0] - 1.0, 0.5, -35.8]}
+    ready.run(0.02)
+    assert vehicle.navigator.target_ned_m() == pytest.approx((*second[:2], -20.0), abs=0.01)
+    ready.pose = {"position": [second[0] - 1.0, 0.5, -20.5]}
+    ready.run(0.1)
+    assert (vehicle.landing, vehicle.navigator.point_m) == (True, None), "it lands where it can stop"
+
+
+def test_a_takeoff_without_a_height_rises_a_metre(ready: Bench) -> None:
+    upload(ready, [item(0), without_height(item(1, 22))])
+    ready.command(176, 1, GUIDED)
+    ready.command(400, 1)
+    ready.command(300)
+    ready.run(0.1)
+    mode = ready.autopilot.vehicle.mode
+    assert isinstance(mode, Auto)
+    assert mode._takeoff is not None
+    assert mode._takeoff.down_m == pytest.approx(-1.0, abs=0.01)
 
 
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:
