@@ -14,14 +14,13 @@ from standin.protocols.targets import location_from
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
+from standin.vehicle.mission import SPEED_TYPES, SpeedType
 from standin.vehicle.modes import Guided, ModeNumber
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 FORCE_MAGIC = (2989.0, 21196.0)
 """param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""
-SPEED_TYPES = (dialect.SPEED_TYPE_AIRSPEED, dialect.SPEED_TYPE_GROUNDSPEED)
-SPEED_MAX_MPS = 20.0
 INTERVAL_END_US = 2**31
 """ArduPilot's intervals are an int32; its simulation is ended by what is beyond, the stand-in denies it."""
 RELATIVE_FRAMES = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -141,7 +140,7 @@ class CommandProtocol:
         if not vehicle.set_mode(ModeNumber.GUIDED) or not isinstance(vehicle.mode, Guided):
             return Result.FAILED
         if isfinite(speed_mps) and speed_mps > 0.0:
-            vehicle.speed_override_mps = min(speed_mps, SPEED_MAX_MPS)
+            vehicle.change_speed(SpeedType.GROUND, speed_mps)
         vehicle.mode.fly_to(vehicle, vehicle.origin.ned_to(location))
         return Result.ACCEPTED
 
@@ -151,7 +150,7 @@ class CommandProtocol:
             return Result.DENIED
         if self._vehicle.mode.number not in (ModeNumber.GUIDED, ModeNumber.AUTO, ModeNumber.RTL):
             return Result.FAILED
-        self._vehicle.speed_override_mps = min(speed_mps, SPEED_MAX_MPS)
+        self._vehicle.change_speed(SpeedType(int(kind)), speed_mps)
         return Result.ACCEPTED
 
     def _set_interval(self, request: Request) -> Result:

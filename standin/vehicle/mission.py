@@ -22,6 +22,18 @@ class Command(IntEnum):
     DO_CHANGE_SPEED = 178
 
 
+class SpeedType(IntEnum):
+    """SPEED_TYPE of DO_CHANGE_SPEED."""
+
+    AIR = 0
+    GROUND = 1
+    CLIMB = 2
+    DESCENT = 3
+
+
+SPEED_TYPES = frozenset(SpeedType)
+
+
 class MissionKind(IntEnum):
     """MAV_MISSION_TYPE of what can be uploaded. Fences and rally points are kept and given back, and not obeyed."""
 

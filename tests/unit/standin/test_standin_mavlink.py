@@ -247,9 +247,35 @@ def test_speed_changes(ready: Bench) -> None:
     assert results(ready.command(178, 1, 7)) == [(178, 0)]
     assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 7.0
     assert results(ready.command(178, 1, 0)) == [(178, 2)]
-    assert results(ready.command(178, 2, 3)) == [(178, 2)], "climb speeds are parameters"
+    assert [results(ready.command(178, kind, 3 + kind)) for kind in (2, 3)] == [[(178, 0)]] * 2
+    assert speeds(ready) == (7.0, 5.0, 6.0)
+    assert results(ready.command(178, 0, 50)) == [(178, 0)], "airspeed is taken for ground speed"
+    assert speeds(ready) == (20.0, 5.0, 6.0)
+    assert results(ready.command(178, 4, 3)) == [(178, 2)]
+    assert results(ready.command(178, math.nan, 3)) == [(178, 2)]
     assert results(ready.command(176, 1, RTL)) == [(176, 0)]
-    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 10.0, "it ends with the mode"
+    assert speeds(ready) == (10.0, 2.5, 1.5), "they end with the mode"
+
+
+def speeds(bench: Bench) -> tuple[float, float, float]:
+    """Over ground, climbing, sinking."""
+    limits = bench.autopilot.vehicle.limits()
+    return (limits.horizontal.speed_mps, limits.climb_mps, limits.sink_mps)
+
+
+def test_a_missions_speeds_are_of_the_type_that_they_say(ready: Bench) -> None:
+    def speed(seq: int, kind: float, speed_mps: float) -> Any:
+        message = item(seq, 178, frame=2)
+        message.param1, message.param2 = kind, speed_mps
+        return message
+
+    changes = [speed(1, 2, 4.0), speed(2, 3, 0.5), speed(3, 7, 9.0), speed(4, 1, 6.0), speed(5, 3, -1.0)]
+    upload(ready, [item(0), *changes, item(6, lat=450_010_000)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert ready.autopilot.vehicle.mission.current == 6
+    assert speeds(ready) == (6.0, 4.0, 0.5)
 
 
 def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
