@@ -296,7 +296,7 @@ def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
     assert target(0x0DC7) is None
     assert vehicle.navigator.velocity_mps == (2.0, 0.0)
     assert target(0x0DF8) == (30.0, 5.0)
-    assert target(0x0DF8, frame=8) is None, "a frame that is not taken stops the vehicle"
+    assert target(0x0DF8, frame=12) is None, "a frame that is not taken stops the vehicle"
     place = (450_010_000, 100_000_000, 20.0)
     ready.say(
         dialect.MAVLink_set_position_target_global_int_message(
@@ -335,6 +335,51 @@ def test_a_point_that_moves_a_velocity_ahead_and_the_nose(ready: Bench) -> None:
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.3, abs=0.02)
     ready.run(4.0)
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("frame", "point", "velocity", "yaw_deg"),
+    [
+        pytest.param(1, (30.0, 5.0, -9.0), (2.0, 1.0, 0.5), 60.0, id="LOCAL_NED"),
+        pytest.param(7, (130.0, -45.0, -29.0), (2.0, 1.0, 0.5), 60.0, id="LOCAL_OFFSET_NED"),
+        pytest.param(8, (95.0, -20.0, -29.0), (-1.0, 2.0, 0.5), 150.0, id="BODY_NED"),
+        pytest.param(9, (95.0, -20.0, -29.0), (-1.0, 2.0, 0.5), 150.0, id="BODY_OFFSET_NED"),
+    ],
+)
+def test_the_frames_of_local_targets(
+    ready: Bench,
+    frame: int,
+    point: tuple[float, float, float],
+    velocity: tuple[float, float, float],
+    yaw_deg: float,
+) -> None:
+    """As GCS_MAVLink_Copter.cpp has it; the real one was flown beside it (offsets, velocities and turns)."""
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    ready.pose = {"position": [100.0, -50.0, -20.0], "quaternion": [0.5**0.5, 0.0, 0.0, 0.5**0.5]}
+    ready.turn()  # its nose is in the east
+    vehicle.leave_ground()
+    navigator = vehicle.navigator
+
+    def target(mask: int) -> None:
+        rest = (0, 0, 0, math.radians(60.0), 0)
+        place, speed = (30.0, 5.0, -9.0), (2.0, 1.0, 0.5)
+        message = dialect.MAVLink_set_position_target_local_ned_message
+        ready.say(message(0, 7, 1, frame, mask, *place, *speed, *rest))
+
+    target(0x09F8)
+    assert navigator.target_ned_m() == pytest.approx(point, abs=1e-3)
+    assert math.degrees(navigator.yaw_target_rad) == pytest.approx(yaw_deg, abs=1e-3)
+    navigator.restart_yaw(vehicle.frame)
+    target(0x09C7)
+    assert navigator.point_m is None
+    assert (*navigator.velocity_mps, navigator.sink_mps) == pytest.approx(velocity, abs=1e-6)
+    assert math.degrees(navigator.yaw_target_rad) == pytest.approx(yaw_deg, abs=1e-3)
+    target(0x0DC0)
+    assert navigator.point_mps == pytest.approx(velocity[:2], abs=1e-6)
+    message = dialect.MAVLink_set_position_target_global_int_message
+    ready.say(message(0, 7, 1, frame, 0x0DC7, 0, 0, 0, 2.0, 1.0, 0.5, 0, 0, 0, 0, 0))
+    assert navigator.velocity_mps == (2.0, 1.0), "of velocities on the earth no frame is looked at"
 
 
 def test_loiter_sinks_unless_the_ground_station_holds_the_stick(ready: Bench) -> None:
