@@ -269,7 +269,7 @@ class StandinVehicle:
             self._check_ground(frame, step_s)
             self._check_idle()
         self.battery.step(self._commands, step_s)
-        self.wind.step(frame, step_s)
+        self.wind.step(frame, self.origin.alt_amsl_m - frame.position_ned_m[2], step_s)
 
     def _motors(self, frame: SensedFrame, step_s: float) -> MotorCommands:
         if self.drive is Drive.FOLLOW:
