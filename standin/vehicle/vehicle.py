@@ -245,7 +245,7 @@ class StandinVehicle:
         """Return the limits of the references, from the parameters and DO_CHANGE_SPEED."""
         if self._revision != self.parameters.revision:
             self._read_parameters()
-        limits, speeds_mps = self._limits, self._speeds_mps
+        limits, speeds_mps = self.mode.limits(self._limits), self._speeds_mps
         if not speeds_mps:
             return limits
         ground_mps = speeds_mps.get(SpeedType.GROUND, limits.horizontal.speed_mps)
