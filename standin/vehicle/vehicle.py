@@ -302,9 +302,9 @@ class StandinVehicle:
             self.mode.touched_ground(self)
 
     def _check_idle(self) -> None:
-        """Disarm a vehicle that stands armed for longer than DISARM_DELAY."""
+        """Disarm a vehicle that stands armed for longer than DISARM_DELAY, with the throttle stick at zero."""
         delay_s = self.parameters["DISARM_DELAY"]
-        if not self.landed or self.drive is not Drive.IDLE:
+        if not self.landed or self.drive is not Drive.IDLE or not self.sticks.low(self.sim_time_ns):
             self._idle_since_ns = self.sim_time_ns
         elif delay_s > 0 and self.sim_time_ns - self._idle_since_ns > delay_s * 1e9:
             self.disarm(force=False)

@@ -186,6 +186,32 @@ def test_an_armed_vehicle_that_stands_is_disarmed_after_the_delay(ready: Bench) 
     assert not ready.autopilot.vehicle.armed
 
 
+def test_a_throttle_stick_that_is_held_up_keeps_the_vehicle_armed(ready: Bench) -> None:
+    """As ArduCopter's auto_disarm_check: the delay begins when the stick is at zero."""
+
+    def hold(throttle: int, duration_s: int) -> None:
+        for _ in range(duration_s):
+            ready.say(dialect.MAVLink_manual_control_message(7, 0, 0, throttle, 0, 0))
+            ready.run(1.0)
+
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    hold(500, 15)
+    assert vehicle.armed
+    hold(40, 15)
+    assert vehicle.armed
+    hold(20, 9)
+    assert vehicle.armed
+    ready.run(1.5)
+    assert not vehicle.armed
+    ready.command(400, 1)
+    hold(500, 8)
+    ready.run(11.5)  # the word of a client that falls silent holds for 3 s
+    assert vehicle.armed
+    ready.run(1.0)
+    assert not vehicle.armed
+
+
 def test_motors_idle_while_armed_and_stop_when_disarmed(ready: Bench) -> None:
     vehicle = ready.autopilot.vehicle
     ready.command(400, 1)
