@@ -809,6 +809,33 @@ def test_a_takeoff_without_a_height_rises_a_metre(ready: Bench) -> None:
     assert mode._takeoff.down_m == pytest.approx(-1.0, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("position_m", "north_mps", "slope", "height_m"),
+    [
+        pytest.param((0.0, 0.0, -5.0), 0.0, 3.0, 5.0, id="over home it does not climb"),
+        pytest.param((4.0, 0.0, -5.0), 0.0, 3.0, 12.0, id="in the cone"),
+        pytest.param((0.0, 9.0, -5.0), 0.0, 3.0, 15.0, id="beyond"),
+        pytest.param((1.0, 0.0, -5.0), 2.0, 3.0, 9.0, id="stops 2 m on"),
+        pytest.param((1.0, 0.0, -2.0), -4.0, 3.0, 10.35, id="stops 4.45 m on, beyond home"),
+        pytest.param((0.0, 0.0, -5.0), 0.0, 0.4, 15.0, id="too shallow a cone"),
+        pytest.param((0.2, 0.0, -1.0), 0.0, 3.0, 1.0, id="low"),
+        pytest.param((90.0, 0.0, -40.0), 0.0, 3.0, 40.0, id="high"),
+    ],
+)
+def test_the_height_of_the_return(
+    ready: Bench, position_m: tuple[float, float, float], north_mps: float, slope: float, height_m: float
+) -> None:
+    """ModeRTL::compute_return_target; the real one stays at 5 m over home, too."""
+    vehicle = ready.autopilot.vehicle
+    vehicle.parameters.set("RTL_CONE_SLOPE", slope)
+    ready.command(400, 1)
+    ready.pose = {"position": position_m, "velocity": [north_mps, 0.0, 0.0]}
+    ready.turn()
+    vehicle.leave_ground()
+    ready.command(176, 1, RTL)
+    assert vehicle.navigator.depth_m == pytest.approx(-height_m, abs=0.01)
+
+
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:
     in_the_air(ready)
     vehicle = ready.autopilot.vehicle
