@@ -14,7 +14,7 @@ from standin.protocols.targets import location_from
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
-from standin.vehicle.mission import SPEED_TYPES, SpeedType
+from standin.vehicle.mission import SPEED_KINDS, SpeedKind
 from standin.vehicle.modes import Guided, ModeNumber
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
@@ -140,17 +140,17 @@ class CommandProtocol:
         if not vehicle.set_mode(ModeNumber.GUIDED) or not isinstance(vehicle.mode, Guided):
             return Result.FAILED
         if isfinite(speed_mps) and speed_mps > 0.0:
-            vehicle.change_speed(SpeedType.GROUND, speed_mps)
+            vehicle.change_speed(SpeedKind.GROUND, speed_mps)
         vehicle.mode.fly_to(vehicle, vehicle.origin.ned_to(location))
         return Result.ACCEPTED
 
     def _change_speed(self, request: Request) -> Result:
         kind, speed_mps, _, _ = request.parameters
-        if kind not in SPEED_TYPES or not speed_mps > 0.0:
+        if kind not in SPEED_KINDS or not speed_mps > 0.0:
             return Result.DENIED
         if self._vehicle.mode.number not in (ModeNumber.GUIDED, ModeNumber.AUTO, ModeNumber.RTL):
             return Result.FAILED
-        self._vehicle.change_speed(SpeedType(int(kind)), speed_mps)
+        self._vehicle.change_speed(SpeedKind(int(kind)), speed_mps)
         return Result.ACCEPTED
 
     def _set_interval(self, request: Request) -> Result:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from standin.vehicle.events import ItemReached, Severity
 from standin.vehicle.location import Location
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
-from standin.vehicle.mission import SPEED_TYPES, Command, SpeedType, StandinItem
+from standin.vehicle.mission import SPEED_KINDS, Command, SpeedKind, StandinItem
 from standin.vehicle.modes import FlightMode, ModeNumber
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ class Auto(FlightMode):
             if item.command != Command.DO_CHANGE_SPEED:
                 self._begin(vehicle, item)
                 return
-            if item.param2 > 0 and item.param1 in SPEED_TYPES:
-                vehicle.change_speed(SpeedType(int(item.param1)), item.param2)
+            if item.param2 > 0 and item.param1 in SPEED_KINDS:
+                vehicle.change_speed(SpeedKind(int(item.param1)), item.param2)
             vehicle.tell(ItemReached(seq))
             seq += 1
         self._end(vehicle)

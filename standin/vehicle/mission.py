@@ -22,7 +22,7 @@ class Command(IntEnum):
     DO_CHANGE_SPEED = 178
 
 
-class SpeedType(IntEnum):
+class SpeedKind(IntEnum):
     """SPEED_TYPE of DO_CHANGE_SPEED."""
 
     AIR = 0
@@ -31,7 +31,7 @@ class SpeedType(IntEnum):
     DESCENT = 3
 
 
-SPEED_TYPES = frozenset(SpeedType)
+SPEED_KINDS = frozenset(SpeedKind)
 
 
 class MissionKind(IntEnum):

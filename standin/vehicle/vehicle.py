@@ -15,7 +15,7 @@ from standin.vehicle.estimates import Battery, WindEstimate
 from standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, TextEvent
 from standin.vehicle.location import Location
 from standin.vehicle.maneuvers import Drive
-from standin.vehicle.mission import Mission, SpeedType
+from standin.vehicle.mission import Mission, SpeedKind
 from standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
 from standin.vehicle.parameters import StandinParameters
 from standin.vehicle.sticks import Sticks
@@ -65,7 +65,7 @@ class StandinVehicle:
         self.drive = Drive.IDLE
         self.throttle_given = 0.0
         """Throttle while spooling."""
-        self._speeds_mps: dict[SpeedType, float] = {}
+        self._speeds_mps: dict[SpeedKind, float] = {}
         """Set by MAV_CMD_DO_CHANGE_SPEED; they end with the mode."""
         frame = motor_frame(parameters["FRAME_CLASS"], parameters["FRAME_TYPE"])
         self.motor_count = len(frame.motors)
@@ -236,9 +236,9 @@ class StandinVehicle:
         self.navigator.start(self.frame)
         self.drive = Drive.FOLLOW
 
-    def change_speed(self, kind: SpeedType, speed_mps: float) -> None:
+    def change_speed(self, kind: SpeedKind, speed_mps: float) -> None:
         """Fly with another speed, > 0, until the mode ends; one through the air is taken for one over ground."""
-        kind = SpeedType.GROUND if kind is SpeedType.AIR else kind
+        kind = SpeedKind.GROUND if kind is SpeedKind.AIR else kind
         self._speeds_mps[kind] = min(speed_mps, SPEED_MAX_MPS)
 
     def limits(self) -> FlightLimits:
@@ -248,12 +248,12 @@ class StandinVehicle:
         limits, speeds_mps = self.mode.limits(self._limits), self._speeds_mps
         if not speeds_mps:
             return limits
-        ground_mps = speeds_mps.get(SpeedType.GROUND, limits.horizontal.speed_mps)
+        ground_mps = speeds_mps.get(SpeedKind.GROUND, limits.horizontal.speed_mps)
         return FlightLimits(
             Limits(ground_mps, limits.horizontal.accel_mps2, limits.horizontal.jerk_mps3),
             limits.vertical,
-            speeds_mps.get(SpeedType.CLIMB, limits.climb_mps),
-            speeds_mps.get(SpeedType.DESCENT, limits.sink_mps),
+            speeds_mps.get(SpeedKind.CLIMB, limits.climb_mps),
+            speeds_mps.get(SpeedKind.DESCENT, limits.sink_mps),
         )
 
     # --- inside
