@@ -45,7 +45,9 @@ class Navigator:
         self.velocity_mps = (0.0, 0.0)
         """North and east wanted."""
         self.sink_mps = 0.0
-        self._yaw_target_rad = self._turn_radps = 0.0
+        self.yaw_target_rad = 0.0
+        """Where the nose is turning to."""
+        self._turn_radps = 0.0
         self._look_ahead = False
 
     def start(self, frame: SensedFrame) -> None:
@@ -102,7 +104,7 @@ class Navigator:
 
     def turn_to(self, yaw_rad: float) -> None:
         """Turn to a yaw and keep it."""
-        self._yaw_target_rad, self._turn_radps, self._look_ahead = yaw_rad, 0.0, False
+        self.yaw_target_rad, self._turn_radps, self._look_ahead = yaw_rad, 0.0, False
 
     def turn_at(self, turn_radps: float) -> None:
         """Turn on and on."""
@@ -115,7 +117,7 @@ class Navigator:
 
     def look_ahead(self) -> None:
         """Turn towards the target point whenever it is far enough away."""
-        self._yaw_target_rad, self._turn_radps, self._look_ahead = self.yaw_rad, 0.0, True
+        self.yaw_target_rad, self._turn_radps, self._look_ahead = self.yaw_rad, 0.0, True
 
     def step(self, frame: SensedFrame, limits: FlightLimits, step_s: float) -> None:
         """Move the references on by ``step_s``."""
@@ -163,10 +165,10 @@ class Navigator:
 
     def _step_yaw(self, frame: SensedFrame, step_s: float) -> None:
         if self._look_ahead and self.point_m is not None and self.distance_m(frame) > LOOK_AHEAD_MIN_M:
-            self._yaw_target_rad = self.bearing_rad(frame)
+            self.yaw_target_rad = self.bearing_rad(frame)
         if self._turn_radps:
-            self._yaw_target_rad = self.yaw_rad + self._turn_radps / YAW_GAIN_PER_S
-        wanted = YAW_GAIN_PER_S * wrapped(self._yaw_target_rad - self.yaw_rad)
+            self.yaw_target_rad = self.yaw_rad + self._turn_radps / YAW_GAIN_PER_S
+        wanted = YAW_GAIN_PER_S * wrapped(self.yaw_target_rad - self.yaw_rad)
         wanted = max(-YAW_RATE_MAX_RADPS, min(YAW_RATE_MAX_RADPS, wanted))
         most = YAW_ACCEL_MAX_RADPS2 * step_s
         self.yaw_rate_radps += max(-most, min(most, wanted - self.yaw_rate_radps))

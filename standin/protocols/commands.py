@@ -14,14 +14,13 @@ from standin.protocols.targets import location_from
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
+from standin.vehicle.mission import SPEED_KINDS, SpeedKind
 from standin.vehicle.modes import Guided, ModeNumber
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
 FORCE_MAGIC = (2989.0, 21196.0)
 """param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""
-SPEED_TYPES = (dialect.SPEED_TYPE_AIRSPEED, dialect.SPEED_TYPE_GROUNDSPEED)
-SPEED_MAX_MPS = 20.0
 INTERVAL_END_US = 2**31
 """ArduPilot's intervals are an int32; its simulation is ended by what is beyond, the stand-in denies it."""
 RELATIVE_FRAMES = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -141,17 +140,17 @@ class CommandProtocol:
         if not vehicle.set_mode(ModeNumber.GUIDED) or not isinstance(vehicle.mode, Guided):
             return Result.FAILED
         if isfinite(speed_mps) and speed_mps > 0.0:
-            vehicle.speed_override_mps = min(speed_mps, SPEED_MAX_MPS)
+            vehicle.change_speed(SpeedKind.GROUND, speed_mps)
         vehicle.mode.fly_to(vehicle, vehicle.origin.ned_to(location))
         return Result.ACCEPTED
 
     def _change_speed(self, request: Request) -> Result:
         kind, speed_mps, _, _ = request.parameters
-        if kind not in SPEED_TYPES or not speed_mps > 0.0:
+        if kind not in SPEED_KINDS or not speed_mps > 0.0:
             return Result.DENIED
         if self._vehicle.mode.number not in (ModeNumber.GUIDED, ModeNumber.AUTO, ModeNumber.RTL):
             return Result.FAILED
-        self._vehicle.speed_override_mps = min(speed_mps, SPEED_MAX_MPS)
+        self._vehicle.change_speed(SpeedKind(int(kind)), speed_mps)
         return Result.ACCEPTED
 
     def _set_interval(self, request: Request) -> Result:

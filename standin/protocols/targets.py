@@ -1,7 +1,7 @@
 """What a client would have the vehicle fly: SET_POSITION_TARGET_* for GUIDED, and where the throttle stick is.
 
-A target is a point, a velocity or a point that moves, in LOCAL_NED or on the earth. As in ArduCopter, what cannot be
-flown as asked stops the vehicle where it is. Accelerations are not taken.
+A target is a point, a velocity or a point that moves, in a local frame or on the earth. As in ArduCopter, what cannot
+be flown as asked stops the vehicle where it is. Accelerations are not taken.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from math import cos, isfinite, sin
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from standin.control.quaternion import Vector
+from standin.control.quaternion import Vector, wrapped
 from standin.vehicle.location import ALT_MAX_M, Location
 from standin.vehicle.mission import RELATIVE_FRAMES, MissionFrame
 from standin.vehicle.modes import ZERO, Guided, Nose
@@ -20,7 +20,9 @@ from standin.wire.mavlink_codec import Message
 IGNORE_POSITION = 0b111
 IGNORE_VELOCITY = 0b111 << 3
 BODY_FRAMES = (dialect.MAV_FRAME_BODY_NED, dialect.MAV_FRAME_BODY_OFFSET_NED)
-"""Of velocities."""
+"""Points and velocities ahead and to the right; the yaw is a turn from where the nose is held."""
+OFFSET_FRAMES = (dialect.MAV_FRAME_LOCAL_OFFSET_NED, *BODY_FRAMES)
+"""Points are as seen from the vehicle."""
 SPEED_SANE_MAX_MPS = 1000.0
 POSITION_SANE_MAX_M = 1e6
 GCS_SYSID = 255
@@ -34,11 +36,16 @@ def fly_local_target(vehicle: StandinVehicle, message: Message) -> None:
     if not isinstance(mode, Guided):
         return
     position = None if mask & IGNORE_POSITION else (message.x, message.y, message.z)
-    frames = (dialect.MAV_FRAME_LOCAL_NED, *(BODY_FRAMES if position is None else ()))
-    if message.coordinate_frame not in frames or not _sane(position or ZERO, POSITION_SANE_MAX_M):
+    frame = message.coordinate_frame
+    known = frame == dialect.MAV_FRAME_LOCAL_NED or frame in OFFSET_FRAMES
+    if not known or not _sane(position or ZERO, POSITION_SANE_MAX_M):
         mode.stop(vehicle)
-    else:
-        _fly(vehicle, mode, position, message)
+        return
+    if position is not None and frame in OFFSET_FRAMES:
+        offset = _turned(vehicle, position) if frame in BODY_FRAMES else position
+        north_m, east_m, down_m = vehicle.position_ned_m
+        position = (north_m + offset[0], east_m + offset[1], down_m + offset[2])
+    _fly(vehicle, mode, position, message, by_body=frame in BODY_FRAMES)
 
 
 def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
@@ -56,18 +63,31 @@ def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
         _fly(vehicle, mode, vehicle.origin.ned_to(location), message)
 
 
-def _fly(vehicle: StandinVehicle, mode: Guided, position: Vector | None, message: Message) -> None:
-    """Fly the point, the velocity or both that a message has."""
+def _turned(vehicle: StandinVehicle, vector: Vector) -> Vector:
+    """Return north, east and down of what is given ahead, to the right and down."""
+    cos_yaw, sin_yaw = cos(vehicle.attitude_rad[2]), sin(vehicle.attitude_rad[2])
+    ahead, right, down = vector
+    return (cos_yaw * ahead - sin_yaw * right, sin_yaw * ahead + cos_yaw * right, down)
+
+
+def _fly(
+    vehicle: StandinVehicle,
+    mode: Guided,
+    position: Vector | None,
+    message: Message,
+    *,
+    by_body: bool = False,
+) -> None:
+    """Fly the point, the velocity or both that a message has; velocity and yaw go by the nose with ``by_body``."""
     mask = message.type_mask
     velocity = None if mask & IGNORE_VELOCITY else (message.vx, message.vy, message.vz)
-    nose = Nose(
-        None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw,
-        None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE else message.yaw_rate,
-    )
-    if velocity is not None and message.coordinate_frame in BODY_FRAMES:
-        cos_yaw, sin_yaw = cos(vehicle.attitude_rad[2]), sin(vehicle.attitude_rad[2])
-        ahead, right, down = velocity
-        velocity = (cos_yaw * ahead - sin_yaw * right, sin_yaw * ahead + cos_yaw * right, down)
+    yaw_rad = None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw
+    turn_radps = None if mask & dialect.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE else message.yaw_rate
+    if by_body and velocity is not None:
+        velocity = _turned(vehicle, velocity)
+    if by_body and yaw_rad is not None:
+        yaw_rad = wrapped(vehicle.navigator.yaw_rad + yaw_rad)
+    nose = Nose(yaw_rad, turn_radps)
     if velocity is not None and not _sane(velocity, SPEED_SANE_MAX_MPS):
         mode.stop(vehicle)
     elif position is not None:

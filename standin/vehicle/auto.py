@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from standin.vehicle.events import ItemReached, Severity
+from standin.vehicle.location import Location
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
-from standin.vehicle.mission import Command, StandinItem
+from standin.vehicle.mission import SPEED_KINDS, Command, SpeedKind, StandinItem
 from standin.vehicle.modes import FlightMode, ModeNumber
 
 if TYPE_CHECKING:
     from standin.vehicle.vehicle import StandinVehicle
 
 HEIGHT_REACHED_M = 1.0
+TAKEOFF_RISE_MIN_M = 1.0
+"""Of a takeoff from the ground (``ModeAuto::takeoff_start``)."""
 
 
 class Auto(FlightMode):
@@ -65,8 +68,8 @@ class Auto(FlightMode):
             if item.command != Command.DO_CHANGE_SPEED:
                 self._begin(vehicle, item)
                 return
-            if item.param2 > 0:
-                vehicle.speed_override_mps = item.param2
+            if item.param2 > 0 and item.param1 in SPEED_KINDS:
+                vehicle.change_speed(SpeedKind(int(item.param1)), item.param2)
             vehicle.tell(ItemReached(seq))
             seq += 1
         self._end(vehicle)
@@ -81,26 +84,33 @@ class Auto(FlightMode):
             vehicle.navigator.stop()
 
     def _begin(self, vehicle: StandinVehicle, item: StandinItem) -> None:
+        # As ArduCopter: from a point that is reached on, not from where the vehicle happens to be near it.
+        present = vehicle.navigator.target_ned_m() if self._arrived else vehicle.position_ned_m
         self._item = item
         self._held_s = 0.0
         self._arrived = False
         self._takeoff = self._return = None
         if item.command == Command.TAKEOFF:
-            alt_amsl_m = item.location(vehicle.home_or_origin, vehicle.location).alt_amsl_m
-            self._takeoff = Takeoff(vehicle, vehicle.depth_of(alt_amsl_m))
+            down_m = vehicle.depth_of(item.alt_amsl_m(vehicle.home_or_origin))
+            if vehicle.landed:
+                down_m = min(down_m, vehicle.position_ned_m[2] - TAKEOFF_RISE_MIN_M)
+            self._takeoff = Takeoff(vehicle, down_m)
         elif not vehicle.landed:  # nothing but a takeoff leaves the ground
             vehicle.drive = Drive.FOLLOW
             if item.command == Command.RETURN_TO_LAUNCH:
                 vehicle.navigator.stop()
                 self._return = ReturnSequence(vehicle)
             else:
-                self._aim(vehicle, item)
+                self._aim(vehicle, item, vehicle.origin.offset(*present))
 
-    def _aim(self, vehicle: StandinVehicle, item: StandinItem) -> None:
-        location = item.location(vehicle.home_or_origin, vehicle.location)
-        north_m, east_m, down_m = vehicle.origin.ned_to(location)
-        vehicle.navigator.go_to(north_m, east_m)
+    def _aim(self, vehicle: StandinVehicle, item: StandinItem, present: Location) -> None:
         level = item.command == Command.LAND
+        if level and item.is_here:
+            vehicle.navigator.stop()
+            self._arrived = True
+            return
+        north_m, east_m, down_m = vehicle.origin.ned_to(item.location(vehicle.home_or_origin, present))
+        vehicle.navigator.go_to(north_m, east_m)
         vehicle.navigator.go_to_depth(vehicle.position_ned_m[2] if level else down_m)
         if vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
             vehicle.navigator.look_ahead()

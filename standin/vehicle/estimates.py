@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, sqrt
 
 from standin.wire.sensors import SensedFrame
 
@@ -13,6 +13,7 @@ MOTOR_CURRENT_MAX_A = 12.0
 """Of one motor at full command; it goes with the command to the power 1.5."""
 WIND_FILTER_TIME_S = 5.0
 DRAG_MIN_MPS2 = 0.05
+TROPOPAUSE_M = 11_000.0
 
 
 class Battery:
@@ -43,21 +44,28 @@ class WindEstimate:
 
     A multirotor's thrust has no component across its own axis, so that the accelerometer's x and y show the
     drag alone, and the air comes from where the drag points. With the airspeed's size this gives the velocity
-    through the air; the velocity over ground gives the rest.
+    through the air; the velocity over ground gives the rest. The air is taken to move neither up nor down.
     """
 
     def __init__(self) -> None:
         self.north_mps = self.east_mps = 0.0
 
-    def step(self, frame: SensedFrame, step_s: float) -> None:
-        """Take one frame."""
+    def step(self, frame: SensedFrame, alt_amsl_m: float, step_s: float) -> None:
+        """Take one frame, of a place of that height."""
         drag_north, drag_east = _level_drag(frame)
         drag_mps2 = hypot(drag_north, drag_east)
         if frame.airspeed_mps is None or drag_mps2 < DRAG_MIN_MPS2:
             return
-        share, blend = frame.airspeed_mps / drag_mps2, min(1.0, step_s / WIND_FILTER_TIME_S)
+        true_mps, down_mps = frame.airspeed_mps * true_per_equivalent(alt_amsl_m), frame.velocity_ned_mps[2]
+        level_mps = sqrt(max(0.0, true_mps * true_mps - down_mps * down_mps))
+        share, blend = level_mps / drag_mps2, min(1.0, step_s / WIND_FILTER_TIME_S)
         self.north_mps += blend * (frame.velocity_ned_mps[0] + share * drag_north - self.north_mps)
         self.east_mps += blend * (frame.velocity_ned_mps[1] + share * drag_east - self.east_mps)
+
+
+def true_per_equivalent(alt_amsl_m: float) -> float:
+    """Return true over equivalent airspeed in the standard atmosphere (ISO 2533), up to its tropopause."""
+    return float((1.0 - 2.25577e-5 * min(alt_amsl_m, TROPOPAUSE_M)) ** -2.12794)
 
 
 def _level_drag(frame: SensedFrame) -> tuple[float, float]:

@@ -18,7 +18,11 @@ LIFT_OFF_SMOOTHING_S = 0.1
 TAKEOFF_NEAR_M = 0.3
 ARRIVED_HEIGHT_M = 0.5
 ARRIVED_DISTANCE_M = 1.0
-RTL_ALT_MIN_M = 2.0
+RTL_ALT_MIN_M = 0.3
+RTL_CONE_SLOPE_MIN = 0.5
+"""A shallower cone is none."""
+STOPPING_GAIN_PER_S = 1.0
+"""PSC_POSXY_P, by which ArduCopter foresees where it stops."""
 HEIGHT_UNREACHED_M = 0.3
 
 
@@ -121,15 +125,33 @@ class ReturnSequence:
             land(vehicle)
 
 
-def _from_home_m(vehicle: StandinVehicle) -> float:
+def _from_home_m(vehicle: StandinVehicle, more_north_m: float = 0.0, more_east_m: float = 0.0) -> float:
+    """Return the distance over ground from home, of the vehicle or of a point so far from it."""
     north_m, east_m, _ = vehicle.origin.ned_to(vehicle.home_or_origin)
-    return hypot(north_m - vehicle.position_ned_m[0], east_m - vehicle.position_ned_m[1])
+    own_north_m, own_east_m, _ = vehicle.position_ned_m
+    return hypot(north_m - own_north_m - more_north_m, east_m - own_east_m - more_east_m)
 
 
 def _return_alt_m(vehicle: StandinVehicle) -> float:
-    """Return the height above home: RTL_ALT, less within RTL_CONE_SLOPE, never less than now."""
-    wanted_m = max(vehicle.parameters["RTL_ALT"] / 100, RTL_ALT_MIN_M)
+    """Return the height above home: RTL_ALT, less in the cone of RTL_CONE_SLOPE over home, never less than now.
+
+    ArduCopter: ``ModeRTL::compute_return_target``; RTL_CLIMB_MIN is 0. Where it can stop has to be in the cone.
+    """
+    least_m = max(RTL_ALT_MIN_M, vehicle.alt_rel_m)
+    wanted_m = max(vehicle.parameters["RTL_ALT"] / 100, least_m)
     slope = vehicle.parameters["RTL_CONE_SLOPE"]
-    if slope > 0.0:
-        wanted_m = min(wanted_m, max(slope * _from_home_m(vehicle), RTL_ALT_MIN_M))
-    return max(wanted_m, vehicle.alt_rel_m)
+    if slope < RTL_CONE_SLOPE_MIN:
+        return wanted_m
+    return min(wanted_m, max(slope * _from_home_m(vehicle, *_stopping_way_m(vehicle)), least_m))
+
+
+def _stopping_way_m(vehicle: StandinVehicle) -> tuple[float, float]:
+    """Return how far north and east the vehicle gets until it stands (``stopping_distance``)."""
+    north_mps, east_mps, _ = vehicle.velocity_ned_mps
+    speed_mps, accel_mps2 = hypot(north_mps, east_mps), vehicle.limits().horizontal.accel_mps2
+    linear_mps = accel_mps2 / STOPPING_GAIN_PER_S
+    if speed_mps <= linear_mps:
+        stopping_s = 1.0 / STOPPING_GAIN_PER_S
+    else:
+        stopping_s = (linear_mps * linear_mps + speed_mps * speed_mps) / (2.0 * accel_mps2 * speed_mps)
+    return stopping_s * north_mps, stopping_s * east_mps

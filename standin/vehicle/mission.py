@@ -22,6 +22,18 @@ class Command(IntEnum):
     DO_CHANGE_SPEED = 178
 
 
+class SpeedKind(IntEnum):
+    """SPEED_TYPE of DO_CHANGE_SPEED."""
+
+    AIR = 0
+    GROUND = 1
+    CLIMB = 2
+    DESCENT = 3
+
+
+SPEED_KINDS = frozenset(SpeedKind)
+
+
 class MissionKind(IntEnum):
     """MAV_MISSION_TYPE of what can be uploaded. Fences and rally points are kept and given back, and not obeyed."""
 
@@ -50,6 +62,8 @@ class MissionFrame(IntEnum):
 
 RELATIVE_FRAMES = frozenset({MissionFrame.GLOBAL_RELATIVE_ALT, MissionFrame.GLOBAL_RELATIVE_ALT_INT})
 POSITION_COMMANDS = frozenset({Command.WAYPOINT, Command.LOITER_TIME, Command.LAND, Command.TAKEOFF})
+ALT_STEP_M = 0.01
+"""ArduPilot keeps heights in whole centimetres: what is smaller is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +82,22 @@ class StandinItem:
     alt_m: float
     autocontinue: int = 1
 
+    @property
+    def is_here(self) -> bool:
+        """Whether it has no position (0, 0), so that it is where the vehicle is."""
+        return self.lat_e7 == 0 and self.lon_e7 == 0
+
+    def alt_amsl_m(self, home: Location) -> float:
+        """Return its height above mean sea level."""
+        return self.alt_m + (home.alt_amsl_m if self.frame in RELATIVE_FRAMES else 0.0)
+
     def location(self, home: Location, present: Location) -> Location:
-        """Return where the item is; one without a position (0, 0) is where the vehicle is."""
-        alt_amsl_m = self.alt_m
-        if self.frame in RELATIVE_FRAMES:
-            alt_amsl_m += home.alt_amsl_m
-        if self.lat_e7 == 0 and self.lon_e7 == 0:
+        """Return where to fly: of an item without a position, or without a height (0), the present one is kept.
+
+        ArduCopter: ``ModeAuto::loc_from_cmd``.
+        """
+        alt_amsl_m = present.alt_amsl_m if abs(self.alt_m) < ALT_STEP_M else self.alt_amsl_m(home)
+        if self.is_here:
             return Location(present.lat_deg, present.lon_deg, alt_amsl_m)
         return Location(self.lat_e7 * 1e-7, self.lon_e7 * 1e-7, alt_amsl_m)
 

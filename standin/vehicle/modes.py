@@ -8,6 +8,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from standin.control.navigator import FlightLimits
+from standin.control.profile import Limits
 from standin.control.quaternion import Vector
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
 
@@ -15,6 +17,10 @@ if TYPE_CHECKING:
     from standin.vehicle.vehicle import StandinVehicle
 
 ZERO: Vector = (0.0, 0.0, 0.0)
+BRAKE_ACCEL_MPS2 = 7.5
+"""ArduCopter's BRAKE_MODE_DECEL_RATE, horizontal and vertical."""
+BRAKE_JERK_MPS3 = 5.0
+"""PSC_JERK_XY and PSC_JERK_Z."""
 
 
 class Nose(NamedTuple):
@@ -62,6 +68,10 @@ class FlightMode:
     def enter(self, vehicle: StandinVehicle) -> None:
         """Begin: the navigator has just been commanded to stop where the vehicle is."""
 
+    def limits(self, limits: FlightLimits) -> FlightLimits:
+        """Return the limits that it flies with, from those of the parameters."""
+        return limits
+
     def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Decide the drive and the target; ``step_s`` since the last call."""
         raise NotImplementedError
@@ -91,20 +101,25 @@ class Brake(FlightMode):
     number = ModeNumber.BRAKE
     armable = False
 
+    def limits(self, limits: FlightLimits) -> FlightLimits:
+        """Brake as ArduCopter, whatever the parameters of way points say."""
+        horizontal = Limits(limits.horizontal.speed_mps, BRAKE_ACCEL_MPS2, BRAKE_JERK_MPS3)
+        vertical = Limits(limits.vertical.speed_mps, BRAKE_ACCEL_MPS2, BRAKE_JERK_MPS3)
+        return FlightLimits(horizontal, vertical, limits.climb_mps, limits.sink_mps)
+
     def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
         """Hold what the navigator was given when the mode began."""
         vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
 
 
-class Loiter(Brake):
+class Loiter(FlightMode):
     """Hold position; climb and sink by the throttle stick, which lies at zero unless a client holds it elsewhere."""
 
     number = ModeNumber.LOITER
-    armable = True
 
-    def update(self, vehicle: StandinVehicle, step_s: float) -> None:
+    def update(self, vehicle: StandinVehicle, _step_s: float) -> None:
         """Hold the position, and follow the stick."""
-        super().update(vehicle, step_s)
+        vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
         vehicle.navigator.fly_sink_rate(-vehicle.sticks.climb_mps(vehicle.sim_time_ns))
 
 

@@ -7,6 +7,8 @@ OVERRIDE_S = 3.0
 PILOT_SPEED_MPS = 2.5
 """PILOT_SPEED_UP, and down: of the stick at either end."""
 MIDDLE, DEADZONE = 0.5, 0.1
+LOW = 0.03
+"""RC3_DZ: what is taken for zero throttle."""
 
 
 class Sticks:
@@ -25,8 +27,15 @@ class Sticks:
         """A client lets go."""
         self._until_ns = 0
 
+    def low(self, now_ns: int) -> bool:
+        """Whether the stick is at zero."""
+        return self._at(now_ns) <= LOW
+
     def climb_mps(self, now_ns: int) -> float:
         """The climb rate that the stick asks for: none around the middle, sinking at zero."""
-        off = (self._throttle if now_ns < self._until_ns else 0.0) - MIDDLE
+        off = self._at(now_ns) - MIDDLE
         beyond = max(0.0, abs(off) - DEADZONE) / (MIDDLE - DEADZONE)
         return PILOT_SPEED_MPS * (beyond if off > 0.0 else -beyond)
+
+    def _at(self, now_ns: int) -> float:
+        return self._throttle if now_ns < self._until_ns else 0.0

@@ -15,7 +15,7 @@ from standin.vehicle.estimates import Battery, WindEstimate
 from standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, TextEvent
 from standin.vehicle.location import Location
 from standin.vehicle.maneuvers import Drive
-from standin.vehicle.mission import Mission
+from standin.vehicle.mission import Mission, SpeedKind
 from standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
 from standin.vehicle.parameters import StandinParameters
 from standin.vehicle.sticks import Sticks
@@ -29,6 +29,8 @@ GPS_FIX_AFTER_S = 1.0
 ESTIMATE_AFTER_S = 3.0
 """Sensor time from the first frame to a position estimate: ready to arm from then on."""
 LEAN_MAX_DEG = 45.0
+SPEED_MAX_MPS = 20.0
+"""Of DO_CHANGE_SPEED; what is asked for beyond is cut."""
 IDLE_COMMAND = 0.10
 """Of the motors of an armed vehicle that stands."""
 GROUND_CONTACT_S = 1.0
@@ -63,8 +65,8 @@ class StandinVehicle:
         self.drive = Drive.IDLE
         self.throttle_given = 0.0
         """Throttle while spooling."""
-        self.speed_override_mps: float | None = None
-        """Set by MAV_CMD_DO_CHANGE_SPEED; ends with the mode."""
+        self._speeds_mps: dict[SpeedKind, float] = {}
+        """Set by MAV_CMD_DO_CHANGE_SPEED; they end with the mode."""
         frame = motor_frame(parameters["FRAME_CLASS"], parameters["FRAME_TYPE"])
         self.motor_count = len(frame.motors)
         self.controller = FlightController(parameters["MOT_THST_HOVER"], frame)
@@ -219,7 +221,7 @@ class StandinVehicle:
             return False
         self.mode = mode
         self.taking_off = self.landing = False
-        self.speed_override_mps = None
+        self._speeds_mps = {}
         self.tell(ModeChanged())
         self.navigator.start(self.frame)
         mode.enter(self)
@@ -234,15 +236,25 @@ class StandinVehicle:
         self.navigator.start(self.frame)
         self.drive = Drive.FOLLOW
 
+    def change_speed(self, kind: SpeedKind, speed_mps: float) -> None:
+        """Fly with another speed, > 0, until the mode ends; one through the air is taken for one over ground."""
+        kind = SpeedKind.GROUND if kind is SpeedKind.AIR else kind
+        self._speeds_mps[kind] = min(speed_mps, SPEED_MAX_MPS)
+
     def limits(self) -> FlightLimits:
         """Return the limits of the references, from the parameters and DO_CHANGE_SPEED."""
         if self._revision != self.parameters.revision:
             self._read_parameters()
-        limits, speed_mps = self._limits, self.speed_override_mps
-        if speed_mps is None:
+        limits, speeds_mps = self.mode.limits(self._limits), self._speeds_mps
+        if not speeds_mps:
             return limits
-        horizontal = Limits(speed_mps, limits.horizontal.accel_mps2, limits.horizontal.jerk_mps3)
-        return FlightLimits(horizontal, limits.vertical, limits.climb_mps, limits.sink_mps)
+        ground_mps = speeds_mps.get(SpeedKind.GROUND, limits.horizontal.speed_mps)
+        return FlightLimits(
+            Limits(ground_mps, limits.horizontal.accel_mps2, limits.horizontal.jerk_mps3),
+            limits.vertical,
+            speeds_mps.get(SpeedKind.CLIMB, limits.climb_mps),
+            speeds_mps.get(SpeedKind.DESCENT, limits.sink_mps),
+        )
 
     # --- inside
 
@@ -257,7 +269,7 @@ class StandinVehicle:
             self._check_ground(frame, step_s)
             self._check_idle()
         self.battery.step(self._commands, step_s)
-        self.wind.step(frame, step_s)
+        self.wind.step(frame, self.origin.alt_amsl_m - frame.position_ned_m[2], step_s)
 
     def _motors(self, frame: SensedFrame, step_s: float) -> MotorCommands:
         if self.drive is Drive.FOLLOW:
@@ -290,9 +302,9 @@ class StandinVehicle:
             self.mode.touched_ground(self)
 
     def _check_idle(self) -> None:
-        """Disarm a vehicle that stands armed for longer than DISARM_DELAY."""
+        """Disarm a vehicle that stands armed for longer than DISARM_DELAY, with the throttle stick at zero."""
         delay_s = self.parameters["DISARM_DELAY"]
-        if not self.landed or self.drive is not Drive.IDLE:
+        if not self.landed or self.drive is not Drive.IDLE or not self.sticks.low(self.sim_time_ns):
             self._idle_since_ns = self.sim_time_ns
         elif delay_s > 0 and self.sim_time_ns - self._idle_since_ns > delay_s * 1e9:
             self.disarm(force=False)

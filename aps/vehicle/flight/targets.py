@@ -208,15 +208,19 @@ def _from_origin(state: VehicleState, offset_m: Vector3, frame: str) -> Vector3:
     """A point of one of ``LOCAL_FRAMES`` as metres from the local origin: so it can be repeated while the UA moves."""
     if frame == "origin":
         return offset_m
-    north, east, down = offset_m
-    if frame == "body":
-        cos_yaw, sin_yaw = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
-        north, east = cos_yaw * north - sin_yaw * east, sin_yaw * north + cos_yaw * east
+    north, east, down = _turned(state, offset_m) if frame == "body" else offset_m
     own = state.position_ned_m
     goal = (own[0] + north, own[1] + east, own[2] + down)
     if not all(math.isfinite(value) for value in goal):
         raise Refusal(f"frame {frame!r} counts from the UA, and where it is is not known yet")
     return goal
+
+
+def _turned(state: VehicleState, vector: Vector3) -> Vector3:
+    """North, east and down of what is given ahead, to the right and down."""
+    cos_yaw, sin_yaw = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
+    ahead, right, down = vector
+    return (cos_yaw * ahead - sin_yaw * right, sin_yaw * ahead + cos_yaw * right, down)
 
 
 def velocity(
@@ -251,6 +255,13 @@ def velocity(
         for name, value in (("north_mps", north_mps), ("east_mps", east_mps), ("down_mps", down_mps))
     ]
     wanted = (speeds[0], speeds[1], speeds[2])
+
+    def setpoint(now: VehicleState) -> Any:
+        if frame == "body" and yaw_deg is not None:
+            # ArduCopter takes a yaw in BODY_NED for a turn from where the nose is: repeated, it would turn on and on.
+            return local_setpoint(now, VELOCITY_FRAMES["ned"], None, _turned(now, wanted), yaw)
+        return local_setpoint(now, mav_frame, None, wanted, yaw)
+
     return CommandPlan(
         "velocity",
         way.steps,
@@ -259,7 +270,7 @@ def velocity(
         modes=way.modes,
         needs_armed=True,
         target=True,
-        setpoint=lambda now, _: local_setpoint(now, mav_frame, None, wanted, yaw),
+        setpoint=lambda now, _: setpoint(now),
         setpoint_period_s=min(
             1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ), way.longest_period_s
         ),

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from standin import cli
 from standin.autopilot import Autopilot
+from standin.vehicle.auto import Auto
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import (
     StandinParameters,
@@ -185,6 +186,32 @@ def test_an_armed_vehicle_that_stands_is_disarmed_after_the_delay(ready: Bench) 
     assert not ready.autopilot.vehicle.armed
 
 
+def test_a_throttle_stick_that_is_held_up_keeps_the_vehicle_armed(ready: Bench) -> None:
+    """As ArduCopter's auto_disarm_check: the delay begins when the stick is at zero."""
+
+    def hold(throttle: int, duration_s: int) -> None:
+        for _ in range(duration_s):
+            ready.say(dialect.MAVLink_manual_control_message(7, 0, 0, throttle, 0, 0))
+            ready.run(1.0)
+
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    hold(500, 15)
+    assert vehicle.armed
+    hold(40, 15)
+    assert vehicle.armed
+    hold(20, 9)
+    assert vehicle.armed
+    ready.run(1.5)
+    assert not vehicle.armed
+    ready.command(400, 1)
+    hold(500, 8)
+    ready.run(11.5)  # the word of a client that falls silent holds for 3 s
+    assert vehicle.armed
+    ready.run(1.0)
+    assert not vehicle.armed
+
+
 def test_motors_idle_while_armed_and_stop_when_disarmed(ready: Bench) -> None:
     vehicle = ready.autopilot.vehicle
     ready.command(400, 1)
@@ -246,9 +273,35 @@ def test_speed_changes(ready: Bench) -> None:
     assert results(ready.command(178, 1, 7)) == [(178, 0)]
     assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 7.0
     assert results(ready.command(178, 1, 0)) == [(178, 2)]
-    assert results(ready.command(178, 2, 3)) == [(178, 2)], "climb speeds are parameters"
+    assert [results(ready.command(178, kind, 3 + kind)) for kind in (2, 3)] == [[(178, 0)]] * 2
+    assert speeds(ready) == (7.0, 5.0, 6.0)
+    assert results(ready.command(178, 0, 50)) == [(178, 0)], "airspeed is taken for ground speed"
+    assert speeds(ready) == (20.0, 5.0, 6.0)
+    assert results(ready.command(178, 4, 3)) == [(178, 2)]
+    assert results(ready.command(178, math.nan, 3)) == [(178, 2)]
     assert results(ready.command(176, 1, RTL)) == [(176, 0)]
-    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 10.0, "it ends with the mode"
+    assert speeds(ready) == (10.0, 2.5, 1.5), "they end with the mode"
+
+
+def speeds(bench: Bench) -> tuple[float, float, float]:
+    """Over ground, climbing, sinking."""
+    limits = bench.autopilot.vehicle.limits()
+    return (limits.horizontal.speed_mps, limits.climb_mps, limits.sink_mps)
+
+
+def test_a_missions_speeds_are_of_the_type_that_they_say(ready: Bench) -> None:
+    def speed(seq: int, kind: float, speed_mps: float) -> Any:
+        message = item(seq, 178, frame=2)
+        message.param1, message.param2 = kind, speed_mps
+        return message
+
+    changes = [speed(1, 2, 4.0), speed(2, 3, 0.5), speed(3, 7, 9.0), speed(4, 1, 6.0), speed(5, 3, -1.0)]
+    upload(ready, [item(0), *changes, item(6, lat=450_010_000)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert ready.autopilot.vehicle.mission.current == 6
+    assert speeds(ready) == (6.0, 4.0, 0.5)
 
 
 def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
@@ -269,7 +322,7 @@ def test_position_targets_are_taken_in_guided_flight_only(ready: Bench) -> None:
     assert target(0x0DC7) is None
     assert vehicle.navigator.velocity_mps == (2.0, 0.0)
     assert target(0x0DF8) == (30.0, 5.0)
-    assert target(0x0DF8, frame=8) is None, "a frame that is not taken stops the vehicle"
+    assert target(0x0DF8, frame=12) is None, "a frame that is not taken stops the vehicle"
     place = (450_010_000, 100_000_000, 20.0)
     ready.say(
         dialect.MAVLink_set_position_target_global_int_message(
@@ -308,6 +361,51 @@ def test_a_point_that_moves_a_velocity_ahead_and_the_nose(ready: Bench) -> None:
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.3, abs=0.02)
     ready.run(4.0)
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("frame", "point", "velocity", "yaw_deg"),
+    [
+        pytest.param(1, (30.0, 5.0, -9.0), (2.0, 1.0, 0.5), 60.0, id="LOCAL_NED"),
+        pytest.param(7, (130.0, -45.0, -29.0), (2.0, 1.0, 0.5), 60.0, id="LOCAL_OFFSET_NED"),
+        pytest.param(8, (95.0, -20.0, -29.0), (-1.0, 2.0, 0.5), 150.0, id="BODY_NED"),
+        pytest.param(9, (95.0, -20.0, -29.0), (-1.0, 2.0, 0.5), 150.0, id="BODY_OFFSET_NED"),
+    ],
+)
+def test_the_frames_of_local_targets(
+    ready: Bench,
+    frame: int,
+    point: tuple[float, float, float],
+    velocity: tuple[float, float, float],
+    yaw_deg: float,
+) -> None:
+    """As GCS_MAVLink_Copter.cpp has it; the real one was flown beside it (offsets, velocities and turns)."""
+    vehicle = ready.autopilot.vehicle
+    ready.command(400, 1)
+    ready.pose = {"position": [100.0, -50.0, -20.0], "quaternion": [0.5**0.5, 0.0, 0.0, 0.5**0.5]}
+    ready.turn()  # its nose is in the east
+    vehicle.leave_ground()
+    navigator = vehicle.navigator
+
+    def target(mask: int) -> None:
+        rest = (0, 0, 0, math.radians(60.0), 0)
+        place, speed = (30.0, 5.0, -9.0), (2.0, 1.0, 0.5)
+        message = dialect.MAVLink_set_position_target_local_ned_message
+        ready.say(message(0, 7, 1, frame, mask, *place, *speed, *rest))
+
+    target(0x09F8)
+    assert navigator.target_ned_m() == pytest.approx(point, abs=1e-3)
+    assert math.degrees(navigator.yaw_target_rad) == pytest.approx(yaw_deg, abs=1e-3)
+    navigator.restart_yaw(vehicle.frame)
+    target(0x09C7)
+    assert navigator.point_m is None
+    assert (*navigator.velocity_mps, navigator.sink_mps) == pytest.approx(velocity, abs=1e-6)
+    assert math.degrees(navigator.yaw_target_rad) == pytest.approx(yaw_deg, abs=1e-3)
+    target(0x0DC0)
+    assert navigator.point_mps == pytest.approx(velocity[:2], abs=1e-6)
+    message = dialect.MAVLink_set_position_target_global_int_message
+    ready.say(message(0, 7, 1, frame, 0x0DC7, 0, 0, 0, 2.0, 1.0, 0.5, 0, 0, 0, 0, 0))
+    assert navigator.velocity_mps == (2.0, 1.0), "of velocities on the earth no frame is looked at"
 
 
 def test_loiter_sinks_unless_the_ground_station_holds_the_stick(ready: Bench) -> None:
@@ -666,6 +764,76 @@ def test_a_mission_that_ends_with_a_setting_completes(ready: Bench) -> None:
     ready.command(176, 1, AUTO)
     ready.run(1.0)
     assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+
+
+def without_height(message: Any) -> Any:
+    message.z = 0.0
+    return message
+
+
+@pytest.mark.parametrize("frame", [0, 3])
+def test_an_item_without_a_height_or_a_place_keeps_that_of_before(ready: Bench, frame: int) -> None:
+    """As ArduCopter: it flew into the ground."""
+    vehicle = ready.autopilot.vehicle
+    here = item(3, frame=3, lat=0, lon=0)
+    far = [without_height(item(seq, frame=frame, lat=450_000_000 + 10_000 * seq)) for seq in (1, 2)]
+    upload(ready, [item(0), *far, here, without_height(item(4, 21, frame=3, lat=0, lon=0))])
+    in_the_air(ready)
+    ready.pose = {"position": [0.0, 0.0, -35.0]}
+    ready.turn()
+    ready.command(176, 1, AUTO)
+    ready.run(0.02)
+    first = vehicle.navigator.target_ned_m()
+    assert first == pytest.approx((111.32, 0.0, -35.0), abs=0.01)
+    ready.pose = {"position": [first[0] + 1.0, 0.5, -35.8]}
+    ready.run(0.02)
+    second = vehicle.navigator.target_ned_m()
+    assert second == pytest.approx((222.64, 0.0, -35.0), abs=0.01), "the point before counts, when reached"
+    ready.pose = {"position": [second[0] - 1.0, 0.5, -35.8]}
+    ready.run(0.02)
+    assert vehicle.navigator.target_ned_m() == pytest.approx((*second[:2], -20.0), abs=0.01)
+    ready.pose = {"position": [second[0] - 1.0, 0.5, -20.5]}
+    ready.run(0.1)
+    assert (vehicle.landing, vehicle.navigator.point_m) == (True, None), "it lands where it can stop"
+
+
+def test_a_takeoff_without_a_height_rises_a_metre(ready: Bench) -> None:
+    upload(ready, [item(0), without_height(item(1, 22))])
+    ready.command(176, 1, GUIDED)
+    ready.command(400, 1)
+    ready.command(300)
+    ready.run(0.1)
+    mode = ready.autopilot.vehicle.mode
+    assert isinstance(mode, Auto)
+    assert mode._takeoff is not None
+    assert mode._takeoff.down_m == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("position_m", "north_mps", "slope", "height_m"),
+    [
+        pytest.param((0.0, 0.0, -5.0), 0.0, 3.0, 5.0, id="over home it does not climb"),
+        pytest.param((4.0, 0.0, -5.0), 0.0, 3.0, 12.0, id="in the cone"),
+        pytest.param((0.0, 9.0, -5.0), 0.0, 3.0, 15.0, id="beyond"),
+        pytest.param((1.0, 0.0, -5.0), 2.0, 3.0, 9.0, id="stops 2 m on"),
+        pytest.param((1.0, 0.0, -2.0), -4.0, 3.0, 10.35, id="stops 4.45 m on, beyond home"),
+        pytest.param((0.0, 0.0, -5.0), 0.0, 0.4, 15.0, id="too shallow a cone"),
+        pytest.param((0.2, 0.0, -1.0), 0.0, 3.0, 1.0, id="low"),
+        pytest.param((90.0, 0.0, -40.0), 0.0, 3.0, 40.0, id="high"),
+    ],
+)
+def test_the_height_of_the_return(
+    ready: Bench, position_m: tuple[float, float, float], north_mps: float, slope: float, height_m: float
+) -> None:
+    """ModeRTL::compute_return_target; the real one stays at 5 m over home, too."""
+    vehicle = ready.autopilot.vehicle
+    vehicle.parameters.set("RTL_CONE_SLOPE", slope)
+    ready.command(400, 1)
+    ready.pose = {"position": position_m, "velocity": [north_mps, 0.0, 0.0]}
+    ready.turn()
+    vehicle.leave_ground()
+    ready.command(176, 1, RTL)
+    assert vehicle.navigator.depth_m == pytest.approx(-height_m, abs=0.01)
 
 
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:

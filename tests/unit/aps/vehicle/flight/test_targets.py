@@ -75,6 +75,17 @@ def test_velocity_with_yaw_rate_in_either_frame(frame, mav_frame):
     assert message.yaw_rate == pytest.approx(math.pi / 2)
 
 
+def test_a_velocity_ahead_with_a_heading_is_sent_as_north_and_east():
+    """In BODY_NED the yaw would be a turn from where the nose is: repeated, ArduCopter turned on and on."""
+    flight = Flight(targets.velocity(COPTER, 2.0, 1.0, -0.5, yaw_deg=90.0, frame="body"))
+    [message] = flight.after(0.0)
+    assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+    assert (message.vx, message.vy, message.vz) == pytest.approx((-1.0, 2.0, -0.5))
+    assert message.yaw == pytest.approx(math.pi / 2)
+    [message] = flight.after(0.2, yaw_rad=math.pi)
+    assert (message.vx, message.vy) == pytest.approx((-2.0, -1.0))
+
+
 def test_from_another_mode_guided_comes_first():
     loiter = replace(COPTER, mode="LOITER")
     flight = Flight(targets.velocity(loiter, 1.0, 0.0), loiter)
