@@ -70,12 +70,12 @@ class Wifi:
         slot_ns, sifs_ns: of the PHY.
         cw_min, cw_max: contention windows, slots.
         preamble_ns: preamble and PLCP header.
-        short_preamble_ns: of frames at 2 Mb/s or more, if these have the short one; None: they have not.
         symbol_ns: of OFDM; 0: DSSS, which has none.
         extension_ns: signal extension after an OFDM frame at 2.4 GHz.
         header_bytes: MAC header, LLC and FCS.
         max_length_bytes: the longest packet.
         lowest_rate_mbps: that the PHY must have; None: the basic rate.
+        short_preamble_ns: of frames at 2 Mb/s or more, if these have the short one; None: they have not.
     """
 
     rate_mbps: float
@@ -85,12 +85,12 @@ class Wifi:
     cw_min: int
     cw_max: int
     preamble_ns: int
-    short_preamble_ns: int | None = None
     symbol_ns: int = 0
     extension_ns: int = 0
     header_bytes: int = MAC_HEADER_BYTES + LLC_BYTES + FCS_BYTES
     max_length_bytes: int = 2304
     lowest_rate_mbps: float | None = None
+    short_preamble_ns: int | None = None
 
     @property
     def difs_ns(self) -> int:
@@ -138,8 +138,8 @@ def wifi_b(rate_mbps: float = 11.0, basic_rate_mbps: float = 1.0, *, short_pream
         31,
         1023,
         192 * US,
-        96 * US if short_preamble else None,
         lowest_rate_mbps=LOWEST_B_MBPS,
+        short_preamble_ns=96 * US if short_preamble else None,
     )
 
 
