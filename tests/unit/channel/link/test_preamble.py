@@ -117,7 +117,10 @@ def test_a_carrier_is_sensed_after_as_long_as_symbols_last(standard: str, clock:
     medium = CsmaMedium.model_validate(
         {"standard": standard, "clock": clock, "rate_mbps": 11.0 if standard == "11b" else 6.0}
     )
-    hearing = medium.hearing(Surroundings(PlainWorld((0, 1)), {"a": 0, "b": 1}, 1, 6e6, -95.0, 20e6, ()))
+    surroundings = Surroundings.of(
+        PlainWorld((0, 1)), {"a": 0, "b": 1}, 1, radio_from_mapping({"preset": "wifi-2.4"}), -95.0
+    )
+    hearing = medium.hearing(surroundings)
     assert hearing.cca_ns == 1000 * cca_us
     assert hearing.energy_mw == pytest.approx(10.0 ** (medium.senses_from_dbm(-95.0) / 10.0))
 
