@@ -20,7 +20,7 @@ from channel.access.packets import AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Foreseeing, Switched, World
+from channel.access.world import AirFrame, Foreseeing, World
 from channel.draws import Draws
 
 DATA, ACK, RTS, CTS = "data", "ack", "rts", "cts"
@@ -78,7 +78,6 @@ class Csma(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
-        self._switched = world if isinstance(world, Switched) else None
         hearing = hearing or Hearing()
         self.air = Air(self.agenda, world, hearing, self._passed, self._book_all, senses_sources=True)
         draws = Draws(seed)
@@ -118,10 +117,6 @@ class Csma(AccessMedium):
             self._lost(packet, Loss.RADIO_OFF)
         else:
             self.ended(packet, frame, attempts, Loss.RADIO_OFF)
-
-    def is_off(self, node: int, at_ns: int) -> bool:
-        """Whether a node's radio is off at an instant."""
-        return self._switched is not None and self._switched.is_off(node, at_ns)
 
     def attempts(self, node: int) -> int:
         """How often a station's present packet was on the air."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from channel.access.agenda import ACTS, Agenda
 from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import AirFrame, Foreseeing, Identified, Rows, World
+from channel.access.world import AirFrame, Foreseeing, Identified, Rows, Switched, World
 
 if TYPE_CHECKING:
     from channel.access.air import Air
@@ -48,6 +48,7 @@ class AccessMedium(ABC):
         self._outcomes: list[Outcome | AirFates] = []
         self._listener: Callable[[Outcome], object] | None = None
         self._foresees = world if isinstance(world, Foreseeing) else None
+        self._switched = world if isinstance(world, Switched) else None
         self._offered: list[AirPacket] = []
         """Packets that have not entered yet, for a world that foresees."""
 
@@ -73,7 +74,7 @@ class AccessMedium(ABC):
                 raise ValueError(f"node {node} is not on this network: {', '.join(map(str, self._outboxes))}")
         if packet.to == packet.node:
             raise ValueError(f"node {packet.node} sends to itself")
-        self.agenda.at(packet.at_ns, ACTS, packet.node, self._enter, packet)
+        self.agenda.at(packet.at_ns, ACTS, packet.node, self._is_given, packet)
         if self._foresees is not None:
             self._offered.append(packet)
 
@@ -94,6 +95,10 @@ class AccessMedium(ABC):
         self.agenda.run(until_ns)
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
+
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """Whether a node's radio is off at an instant."""
+        return self._switched is not None and self._switched.is_off(node, at_ns)
 
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their length in bytes."""
@@ -125,6 +130,12 @@ class AccessMedium(ABC):
         """What is left of a packet that a node has begun to send: it waits beside the queue."""
         del node
         return 0
+
+    def _is_given(self, packet: AirPacket) -> None:
+        if self.is_off(packet.node, self.agenda.now_ns):
+            self._lost(packet, Loss.RADIO_OFF)
+        else:
+            self._enter(packet)
 
     def _enter(self, packet: AirPacket) -> None:
         if packet.length_bytes > self._max_length_bytes:

@@ -86,6 +86,27 @@ def test_what_a_radio_that_is_off_sends_or_should_get_by_802_11_is_lost_to_that(
     assert redecide(run.path).comparison.is_same
 
 
+@pytest.mark.parametrize(
+    "medium",
+    [
+        {"model": "airtime"},
+        {"model": "tdma", "slot_s": 0.1, "guard_s": 0.0},
+        {"model": "sik", "air_kbps": 64},
+        {"model": "elrs", "mode": "lora-333-full"},
+        {"model": "delay", "least_s": 0.01, "median_s": 0.01, "most_s": 0.01, "rate_bps": 64e3},
+    ],
+    ids=lambda medium: medium["model"],
+)
+def test_what_a_radio_that_is_off_is_given_never_leaves_it(flown: Flown, medium: dict[str, Any]) -> None:
+    sends = [(1.0, "g1", 20), (1.5, "all", 20), (1.9, "g1", 20), (3.5, "g1", 20)]
+    off = node(0, 0.0, sends=sends) | {"radio_off": [{"from_s": 0.9, "to_s": 2.0}]}
+    run = flown([off, node(1, 100.0)], medium, duration_s=4.0)
+    *lost, (last, _, _) = fates(run, "0", "g1")
+    assert (lost, last) == ([("radio_off", 0, False)] * 3, "delivered")
+    assert balances(run)
+    assert redecide(run.path).comparison.is_same
+
+
 def test_an_announcement_that_nobody_answers_is_no_transmission_of_its_packet(flown: Flown) -> None:
     """Node g2 is out of reach; node 0 is on again 1 ms after the first RTS to it, and gets the packet at once."""
     radio = {"preset": "disk", "max_range_m": 500.0, "frequency_hz": 2.4e9}
