@@ -7,16 +7,17 @@ Intensities and lengths depend on the height h above the ground (from 10 ft to 1
     L_u = L_v = h / (0.177 + 0.000823 h)^1.2              (h in ft)
 
 Above 1000 ft both intensities stay at 0.1 W20 and the lengths grow to 1750 ft at 2000 ft. The filters are
-driven by the UA's airspeed V (frozen turbulence, tau = L / V) and discretised exactly, so that the variance
-does not depend on the step: u is a first-order process, v and w are (1 + sqrt(3) tau s) / (1 + tau s)^2. The
-u axis lies along the mean wind. JSBSim's own turbulence is not used: its random numbers are not keyed by UA
-and seed.
+driven by the UA's speed V through the mean wind (frozen turbulence, tau = L / V) and discretised exactly, so
+that the variance does not depend on the step. V leaves the turbulence itself out: with it, lulls would pass more
+slowly than gusts, and the mean wind of a UA that hovers would be lower by about sigma_u^2 / V. u is a first-order
+process, v and w are (1 + sqrt(3) tau s) / (1 + tau s)^2. The u axis lies along the mean wind. JSBSim's own
+turbulence is not used: its random numbers are not keyed by UA and seed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import exp, hypot, sqrt
+from math import dist, exp, hypot, sqrt
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from fdm.model.truth import Vector
 
 FOOT_M = 0.3048
 AIRSPEED_MIN_MPS = 1.0
-"""A hovering UA in still air is given this speed through the frozen turbulence."""
+"""A UA that hovers in still air is given this speed through the frozen turbulence."""
 STEP_MAX_S = 1.0
 _SQRT3 = sqrt(3.0)
 _BLOCK = 1500
@@ -113,7 +114,8 @@ class DrydenTurbulence:
         north, east, down = self._mean.air_ned_mps(point)
         step_s = 0.0 if self._last_ns is None else (point.sim_time_ns - self._last_ns) / 1e9
         self._last_ns = point.sim_time_ns
-        travelled_m = max(point.airspeed_mps, AIRSPEED_MIN_MPS) * min(max(step_s, 0.0), STEP_MAX_S)
+        airspeed_mps = dist(point.velocity_ned_mps, (north, east, down))
+        travelled_m = max(airspeed_mps, AIRSPEED_MIN_MPS) * min(max(step_s, 0.0), STEP_MAX_S)
         along, vertical = lengths_m(point.height_m)
         sigma_u, sigma_w = intensities_mps(point.height_m, self._w20_mps)
         u = sigma_u * self._u.step(travelled_m / along, self._normals)
