@@ -134,6 +134,47 @@ def test_turbulence_has_its_variance_in_still_air():
     assert variances == pytest.approx(expected, rel=2.5 * error)
 
 
+GUST = {"start_s": 10, "rise_s": 1, "hold_s": 5, "fall_s": 1}
+
+
+@pytest.mark.parametrize(
+    "mean",
+    [
+        {"gusts": [{"speed_mps": 8, "from_deg": 260, **GUST}]},  # from still air and back
+        {"constant": {"speed_mps": 4}, "gusts": [{"speed_mps": 8, "from_deg": 180, **GUST}]},  # through zero
+        {
+            "constant": {"speed_mps": 4},
+            "gusts": [{"speed_mps": 8, "from_deg": 179, **GUST}],
+        },  # just beside it
+        {"constant": {"speed_mps": 4}, "gusts": [{"speed_mps": 8, "from_deg": 90, **GUST}]},  # turns
+    ],
+)
+def test_turbulence_does_not_jump_where_the_mean_wind_turns(mean):
+    step_s, height_m = 0.01, 50.0
+    steady, turbulent = build(**mean), build(turbulence={"level": "moderate"}, **mean)
+    points = [at(k * step_s, (0, 0, -height_m), (0.0, 0.0, 0.0)) for k in range(2500)]
+    winds = np.array([steady.air_ned_mps(point) for point in points])
+    parts = np.array([turbulent.air_ned_mps(point) for point in points]) - winds
+    # R_v = exp(-x) (1 - x / 2), x = V t / L, so that a step has the variance 3 x sigma^2.
+    travelled_m = max(np.linalg.norm(winds, axis=1).max(), AIRSPEED_MIN_MPS) * step_s
+    sigmas, lengths = intensities_mps(height_m, 30 * 1852 / 3600), lengths_m(height_m)
+    deviations = [s * math.sqrt(3 * travelled_m / length) for s, length in zip(sigmas, lengths, strict=True)]
+    largest = np.abs(np.diff(parts, axis=0)).max(axis=0)
+    assert (largest < 5 * np.array(deviations)[[0, 0, 1]]).all()
+
+
+def test_turbulence_follows_a_mean_wind_that_turns():
+    gust = {"speed_mps": 8, "from_deg": 330, "start_s": 0, "rise_s": 1, "hold_s": 1000}
+    steady, turbulent = build(gusts=[gust]), build(gusts=[gust], turbulence={"w20_mps": 10.0})
+    points = [at(k, (0, 0, -20.0), (0.0, 0.0, 0.0)) for k in range(200)]
+    along, _ = lengths_m(20.0)
+    for point in points:
+        turbulent.air_ned_mps(point)
+    assert steady.air_ned_mps(points[-1])[1] == pytest.approx(4.0)
+    left_deg = math.degrees(turbulent._axis_rad) + 30.0  # blows towards 150 degrees, along the line of -30
+    assert left_deg == pytest.approx(30.0 * math.exp(-199 * 8 / along), abs=0.1)
+
+
 def test_turbulence_is_keyed_by_seed_and_ua():
     def first(seed, ua_id):
         wind = build(seed=seed, ua_id=ua_id, turbulence={"level": "light"})
