@@ -77,6 +77,18 @@ def test_hexa_motors_turn_it_as_ardupilots_x_frame_does(motors, index):
     assert model.sense()[index] - before > 0.01
 
 
+@pytest.mark.parametrize("name", [n for n in airframe_names() if load_airframe(n).vehicle == "copter"])
+def test_px4_is_told_the_propellers_torque_over_thrust(name):
+    airframe = load_airframe(name)
+    for motor in range(airframe.px4.parameters["CA_ROTOR_COUNT"]):
+        model = JsbsimModel(airframe, HOME)
+        fly(model, packet(*(1300 if index == motor else 1000 for index in range(6))), 2.0)  # it stands
+        torque_nm = model._exec["moments/n-prop-lbsft"] * 0.3048 * 4.4482216
+        thrust_n = -model._exec["forces/fbz-prop-lbs"] * 4.4482216
+        expected = airframe.px4.parameters[f"CA_ROTOR{motor}_KM"]
+        assert torque_nm / thrust_n == pytest.approx(expected, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("controls", "index", "sign"),
     [
