@@ -35,7 +35,7 @@ class SteppingModel:
 
     def air_point(self, sim_time_ns: int) -> AirPoint:
         """Where it stands."""
-        return AirPoint(sim_time_ns, 47.3977, 8.5456, 488.0, 0.0, 0.0)
+        return AirPoint(sim_time_ns, 47.3977, 8.5456, 488.0, 0.0, (0.0, 0.0, 0.0))
 
     def set_wind(self, wind_ned_mps: Vector) -> None:
         """It feels none."""

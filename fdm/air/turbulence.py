@@ -7,16 +7,19 @@ Intensities and lengths depend on the height h above the ground (from 10 ft to 1
     L_u = L_v = h / (0.177 + 0.000823 h)^1.2              (h in ft)
 
 Above 1000 ft both intensities stay at 0.1 W20 and the lengths grow to 1750 ft at 2000 ft. The filters are
-driven by the UA's airspeed V (frozen turbulence, tau = L / V) and discretised exactly, so that the variance
-does not depend on the step: u is a first-order process, v and w are (1 + sqrt(3) tau s) / (1 + tau s)^2. The
-u axis lies along the mean wind. JSBSim's own turbulence is not used: its random numbers are not keyed by UA
-and seed.
+driven by the UA's speed V through the mean wind (frozen turbulence, tau = L / V) and discretised exactly, so
+that the variance does not depend on the step. V leaves the turbulence itself out: with it, lulls would pass more
+slowly than gusts, and the mean wind of a UA that hovers would be lower by about sigma_u^2 / V. u is a first-order
+process, v and w are (1 + sqrt(3) tau s) / (1 + tau s)^2. The u axis lies along the mean wind at the start. It
+follows a mean wind that turns over the length L_u, by the shorter way to its line, as u and -u are alike: so nothing
+jumps where a mean wind begins, ends or turns round. JSBSim's own turbulence is not used: its random numbers are not
+keyed by UA and seed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import exp, hypot, sqrt
+from math import atan2, cos, dist, exp, pi, remainder, sin, sqrt
 
 import numpy as np
 
@@ -25,7 +28,7 @@ from fdm.model.truth import Vector
 
 FOOT_M = 0.3048
 AIRSPEED_MIN_MPS = 1.0
-"""A hovering UA in still air is given this speed through the frozen turbulence."""
+"""A UA that hovers in still air is given this speed through the frozen turbulence."""
 STEP_MAX_S = 1.0
 _SQRT3 = sqrt(3.0)
 _BLOCK = 1500
@@ -102,6 +105,7 @@ class DrydenTurbulence:
         self._u = FirstOrder(next(normal))
         self._v = SecondOrder(next(normal), next(normal))
         self._w = SecondOrder(next(normal), next(normal))
+        self._axis_rad = 0.0
         self._last_ns: int | None = None
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -111,16 +115,21 @@ class DrydenTurbulence:
     def air_ned_mps(self, point: AirPoint) -> Vector:
         """Mean wind and turbulence at `point`."""
         north, east, down = self._mean.air_ned_mps(point)
-        step_s = 0.0 if self._last_ns is None else (point.sim_time_ns - self._last_ns) / 1e9
+        if self._last_ns is None:
+            self._last_ns, self._axis_rad = point.sim_time_ns, atan2(east, north)
+        step_s = (point.sim_time_ns - self._last_ns) / 1e9
         self._last_ns = point.sim_time_ns
-        travelled_m = max(point.airspeed_mps, AIRSPEED_MIN_MPS) * min(max(step_s, 0.0), STEP_MAX_S)
+        airspeed_mps = dist(point.velocity_ned_mps, (north, east, down))
+        travelled_m = max(airspeed_mps, AIRSPEED_MIN_MPS) * min(max(step_s, 0.0), STEP_MAX_S)
         along, vertical = lengths_m(point.height_m)
         sigma_u, sigma_w = intensities_mps(point.height_m, self._w20_mps)
         u = sigma_u * self._u.step(travelled_m / along, self._normals)
         v = sigma_u * self._v.step(travelled_m / along, self._normals)
         w = sigma_w * self._w.step(travelled_m / vertical, self._normals)
-        speed = hypot(north, east)
-        cosine, sine = (north / speed, east / speed) if speed > 0.0 else (1.0, 0.0)
+        if north or east:
+            turn_rad = remainder(atan2(east, north) - self._axis_rad, pi)
+            self._axis_rad += (1.0 - exp(-travelled_m / along)) * turn_rad
+        cosine, sine = cos(self._axis_rad), sin(self._axis_rad)
         return (north + u * cosine - v * sine, east + u * sine + v * cosine, down + w)
 
 

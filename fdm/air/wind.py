@@ -1,7 +1,7 @@
 """The air that each UA flies in: constant wind, gusts, turbulence and wind maps, added up.
 
 A wind is data (YAML, see `load_wind`); `WindConfig.build` makes the wind that one UA feels. What it feels
-depends on its own place, time and airspeed, and on the seed and its id, but on no other UA and on no call
+depends on its own place, time and velocity, and on the seed and its id, but on no other UA and on no call
 order.
 """
 

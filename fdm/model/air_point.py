@@ -16,7 +16,8 @@ class AirPoint(NamedTuple):
     alt_amsl_m: float
     height_m: float
     """Above the ground at home."""
-    airspeed_mps: float
+    velocity_ned_mps: Vector
+    """Of the UA, over the ground."""
 
 
 class StaticAir(NamedTuple):

@@ -83,10 +83,21 @@ def geodetic_from_ned(origin: GeodeticPosition, ned_m: Vector) -> GeodeticPositi
     Raises:
         ValueError: the offset leads over a pole.
     """
+    return GeodeticPosition(*_moved(origin, ned_m))
+
+
+def measured_place(origin: GeodeticPosition, ned_m: Vector) -> GeodeticPosition:
+    """As geodetic_from_ned, of a place with a sensor's errors: what they put beyond a pole is at the pole."""
+    lat_deg, lon_deg, alt_amsl_m = _moved(origin, ned_m)
+    return GeodeticPosition(min(max(lat_deg, -90.0), 90.0), lon_deg, alt_amsl_m)
+
+
+def _moved(origin: GeodeticPosition, ned_m: Vector) -> tuple[float, float, float]:
+    """Latitude, longitude and altitude at `ned_m` from `origin`."""
     lat_deg = origin.lat_deg + ned_m[0] / LATLON_SCALE_M_PER_DEG
     east_scale = longitude_scale(0.5 * (origin.lat_deg + lat_deg))
     lon_deg = wrapped_deg(origin.lon_deg + ned_m[1] / LATLON_SCALE_M_PER_DEG / east_scale)
-    return GeodeticPosition(lat_deg, lon_deg, origin.alt_amsl_m - ned_m[2])
+    return (lat_deg, lon_deg, origin.alt_amsl_m - ned_m[2])
 
 
 def longitude_scale(lat_deg: float) -> float:

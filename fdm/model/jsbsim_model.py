@@ -124,6 +124,9 @@ class JsbsimModel:
         for name, value in airframe.jsbsim.properties.items():
             node(name).set_double_value(value)
         self._truth_only = tuple(node(name).get_double_value for name in _TRUTH_ONLY)
+        self._north, self._east, self._down = (
+            node(f"velocities/v-{axis}-fps").get_double_value for axis in ("north", "east", "down")
+        )
         self._wind = tuple(
             node(f"atmosphere/wind-{axis}-fps").set_double_value for axis in ("north", "east", "down")
         )
@@ -180,7 +183,7 @@ class JsbsimModel:
             self._exec["position/long-gc-deg"],
             alt_amsl_m,
             alt_amsl_m - self._home.position.alt_amsl_m,
-            self._truth_only[0]() * FOOT_M,
+            (self._north() * FOOT_M, self._east() * FOOT_M, self._down() * FOOT_M),
         )
 
     def air(self) -> StaticAir:

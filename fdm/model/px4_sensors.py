@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from fdm.errors import ModelDivergedError
 from fdm.model.air_point import StaticAir
-from fdm.model.geodesy import Home, geodetic_from_ned
+from fdm.model.geodesy import Home, measured_place
 from fdm.model.magnetic_field import magnetic_field_ned_gauss
 from fdm.model.truth import TrueState, Vector
 from fdm.wire.px4 import hil
@@ -183,7 +183,7 @@ class Px4Encoder:
         sigmas = (s.gps_horizontal_sigma_m, s.gps_horizontal_sigma_m, s.gps_vertical_sigma_m)
         drawn = zip(values[POSITION], errors[GPS_POSITION_DRAWS], sigmas, strict=True)
         north, east, down = (value + draw * sigma for value, draw, sigma in drawn)
-        place = geodetic_from_ned(self._home.position, (north, east, down))
+        place = measured_place(self._home.position, (north, east, down))
         velocity = _add(values[VELOCITY], errors[GPS_VELOCITY_DRAWS], s.gps_velocity_sigma_mps)
         return hil.HilGps(
             self._epoch_us + time_us, place.lat_deg, place.lon_deg, place.alt_amsl_m, 0.9, 1.5, velocity

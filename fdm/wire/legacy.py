@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from math import degrees
 
 from fdm.errors import ModelDivergedError
-from fdm.model.geodesy import GeodeticPosition, Home, Vector, geodetic_from_ned
+from fdm.model.geodesy import GeodeticPosition, Home, Vector, measured_place
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX, Encoder
 from fdm.wire.servo_packet import FRAME_COUNT_MODULUS, FRAME_RATE_MIN_HZ, Fields
 
@@ -96,7 +96,7 @@ def make_legacy_encoder(home: Home) -> Encoder:
     def encode(values: tuple[float, ...]) -> bytes:
         if not -PLAUSIBLE_MAX < sum(values) < PLAUSIBLE_MAX:
             raise ModelDivergedError("the flight model gave " + ", ".join(f"{value:g}" for value in values))
-        place = geodetic_from_ned(home.position, (values[7], values[8], values[9]))
+        place = measured_place(home.position, (values[7], values[8], values[9]))
         roll, pitch, yaw = (degrees(value) for value in values[10:13])
         return _STATE.pack(
             round(values[0] * 1e6),

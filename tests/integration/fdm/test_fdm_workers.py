@@ -222,5 +222,5 @@ def test_workers_end_when_the_process_that_started_them_is_killed():
 def test_a_wind_goes_to_another_process_as_it_is(name):
     wind = load_wind(name).build(seed=3, ua_id=2)
     sent = pickle.loads(pickle.dumps(wind))
-    points = [AirPoint(k * 10_000_000, 47.3977, 8.5456, 500.0, 12.0, 5.0) for k in range(50)]
+    points = [AirPoint(k * 10_000_000, 47.3977, 8.5456, 500.0, 12.0, (5.0, 0.0, 0.0)) for k in range(50)]
     assert [sent.air_ned_mps(point) for point in points] == [wind.air_ned_mps(point) for point in points]

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from fdm.air.turbulence import intensities_mps, lengths_m
+from fdm.air.turbulence import AIRSPEED_MIN_MPS, intensities_mps, lengths_m
 from fdm.air.wind import WindConfig, load_wind, wind_from_mapping, wind_names
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint
@@ -12,10 +12,10 @@ from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
 
 
-def at(time_s=0.0, ned_m=(0.0, 0.0, -50.0), airspeed_mps=15.0):
+def at(time_s=0.0, ned_m=(0.0, 0.0, -50.0), velocity_ned_mps=(15.0, 0.0, 0.0)):
     place = geodetic_from_ned(ORIGIN, ned_m)
     return AirPoint(
-        round(time_s * 1e9), place.lat_deg, place.lon_deg, place.alt_amsl_m, -ned_m[2], airspeed_mps
+        round(time_s * 1e9), place.lat_deg, place.lon_deg, place.alt_amsl_m, -ned_m[2], velocity_ned_mps
     )
 
 
@@ -76,7 +76,7 @@ def sampled(rate_hz, seconds, height_m=50.0, airspeed_mps=20.0, seed=3):
     wind = build(seed=seed, turbulence={"w20_mps": 10.0})
     return np.array(
         [
-            wind.air_ned_mps(at(k / rate_hz, (0, 0, -height_m), airspeed_mps))
+            wind.air_ned_mps(at(k / rate_hz, (0, 0, -height_m), (airspeed_mps, 0, 0)))
             for k in range(round(seconds * rate_hz))
         ]
     )
@@ -101,6 +101,78 @@ def test_dryden_has_the_standards_autocorrelation():
     x = 20.0 * lag_s / vertical
     assert np.corrcoef(u[:-lag], u[lag:])[0, 1] == pytest.approx(math.exp(-20.0 * lag_s / along), abs=0.05)
     assert np.corrcoef(w[:-lag], w[lag:])[0, 1] == pytest.approx(math.exp(-x) * (1 - x / 2), abs=0.05)
+
+
+def hovering(speed_mps, seconds, step_s, seeds):
+    """Wind at a point that stands 20 m above the ground: by seed, instant and axis."""
+    parts = {"constant": {"speed_mps": speed_mps, "from_deg": 180}, "turbulence": {"level": "moderate"}}
+    instants = np.arange(0.0, seconds, step_s)
+    winds = (build(seed=seed, **parts) for seed in range(seeds))
+    return np.array(
+        [[wind.air_ned_mps(at(t, (0, 0, -20.0), (0.0, 0.0, 0.0))) for t in instants] for wind in winds]
+    )
+
+
+@pytest.mark.parametrize("speed_mps", [3.0, 8.0])
+def test_turbulence_leaves_a_hovering_uas_mean_wind_as_it_is(speed_mps):
+    seconds, seeds = 2000.0, 16
+    along, _ = lengths_m(20.0)
+    sigma_u, _ = intensities_mps(20.0, 30 * 1852 / 3600)
+    means = hovering(speed_mps, seconds, 0.5, seeds).mean(axis=(0, 1))
+    # Samples of an exponential correlation L / V are worth one in 2 L / V; v's is shorter.
+    error = sigma_u * math.sqrt(2 * along / speed_mps / (seconds * seeds))
+    assert means == pytest.approx((speed_mps, 0.0, 0.0), abs=2.5 * error)
+
+
+def test_turbulence_has_its_variance_in_still_air():
+    seconds, seeds = 20000.0, 6
+    along, _ = lengths_m(20.0)
+    sigmas = intensities_mps(20.0, 30 * 1852 / 3600)
+    variances = (hovering(0.0, seconds, 1.0, seeds) ** 2).mean(axis=(0, 1))
+    error = math.sqrt(2 * along / AIRSPEED_MIN_MPS / (seconds * seeds))  # of a variance over itself
+    expected = (sigmas[0] ** 2, sigmas[0] ** 2, sigmas[1] ** 2)
+    assert variances == pytest.approx(expected, rel=2.5 * error)
+
+
+GUST = {"start_s": 10, "rise_s": 1, "hold_s": 5, "fall_s": 1}
+
+
+@pytest.mark.parametrize(
+    "mean",
+    [
+        {"gusts": [{"speed_mps": 8, "from_deg": 260, **GUST}]},  # from still air and back
+        {"constant": {"speed_mps": 4}, "gusts": [{"speed_mps": 8, "from_deg": 180, **GUST}]},  # through zero
+        {
+            "constant": {"speed_mps": 4},
+            "gusts": [{"speed_mps": 8, "from_deg": 179, **GUST}],
+        },  # just beside it
+        {"constant": {"speed_mps": 4}, "gusts": [{"speed_mps": 8, "from_deg": 90, **GUST}]},  # turns
+    ],
+)
+def test_turbulence_does_not_jump_where_the_mean_wind_turns(mean):
+    step_s, height_m = 0.01, 50.0
+    steady, turbulent = build(**mean), build(turbulence={"level": "moderate"}, **mean)
+    points = [at(k * step_s, (0, 0, -height_m), (0.0, 0.0, 0.0)) for k in range(2500)]
+    winds = np.array([steady.air_ned_mps(point) for point in points])
+    parts = np.array([turbulent.air_ned_mps(point) for point in points]) - winds
+    # R_v = exp(-x) (1 - x / 2), x = V t / L, so that a step has the variance 3 x sigma^2.
+    travelled_m = max(np.linalg.norm(winds, axis=1).max(), AIRSPEED_MIN_MPS) * step_s
+    sigmas, lengths = intensities_mps(height_m, 30 * 1852 / 3600), lengths_m(height_m)
+    deviations = [s * math.sqrt(3 * travelled_m / length) for s, length in zip(sigmas, lengths, strict=True)]
+    largest = np.abs(np.diff(parts, axis=0)).max(axis=0)
+    assert (largest < 5 * np.array(deviations)[[0, 0, 1]]).all()
+
+
+def test_turbulence_follows_a_mean_wind_that_turns():
+    gust = {"speed_mps": 8, "from_deg": 330, "start_s": 0, "rise_s": 1, "hold_s": 1000}
+    steady, turbulent = build(gusts=[gust]), build(gusts=[gust], turbulence={"w20_mps": 10.0})
+    points = [at(k, (0, 0, -20.0), (0.0, 0.0, 0.0)) for k in range(200)]
+    along, _ = lengths_m(20.0)
+    for point in points:
+        turbulent.air_ned_mps(point)
+    assert steady.air_ned_mps(points[-1])[1] == pytest.approx(4.0)
+    left_deg = math.degrees(turbulent._axis_rad) + 30.0  # blows towards 150 degrees, along the line of -30
+    assert left_deg == pytest.approx(30.0 * math.exp(-199 * 8 / along), abs=0.1)
 
 
 def test_turbulence_is_keyed_by_seed_and_ua():

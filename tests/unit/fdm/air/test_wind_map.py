@@ -117,7 +117,9 @@ def write_map(request, tmp_path):
 
 def at(time_s=0.0, ned_m=(0.0, 0.0, -50.0)):
     place = geodetic_from_ned(ORIGIN, ned_m)
-    return AirPoint(round(time_s * 1e9), place.lat_deg, place.lon_deg, place.alt_amsl_m, -ned_m[2], 15.0)
+    return AirPoint(
+        round(time_s * 1e9), place.lat_deg, place.lon_deg, place.alt_amsl_m, -ned_m[2], (15.0, 0.0, 0.0)
+    )
 
 
 def wind_of(path, **settings):

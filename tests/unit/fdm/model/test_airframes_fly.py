@@ -49,6 +49,18 @@ def test_a_multirotor_that_stands_in_the_wind_stays_where_it_is(name, from_deg):
     assert math.hypot(*after[12:15]) < 0.002
 
 
+@pytest.mark.parametrize("yaw_deg", [45, 90, 135, 190, 225, 270])
+def test_the_fixed_wing_that_stands_in_the_wind_stays_where_it_is(yaw_deg):
+    model = JsbsimModel(load_airframe("aerosonde"), Home(HOME.position, yaw_deg))
+    before = model.sense()
+    model.set_wind(ConstantConfig(speed_mps=8, from_deg=270).ned_mps())
+    fly(model, packet(1500, 1500, 1000, 1500), 60.0)
+    after = model.sense()
+    assert after[6:9] == pytest.approx(before[6:9], abs=0.01)
+    assert after[9:12] == pytest.approx(before[9:12], abs=math.radians(1.5))
+    assert math.hypot(*after[12:15]) < 0.002
+
+
 @pytest.mark.parametrize(
     ("motors", "index"),
     [
@@ -63,6 +75,18 @@ def test_hexa_motors_turn_it_as_ardupilots_x_frame_does(motors, index):
     before = model.sense()[index]
     fly(model, packet(*motors), 0.1)
     assert model.sense()[index] - before > 0.01
+
+
+@pytest.mark.parametrize("name", [n for n in airframe_names() if load_airframe(n).vehicle == "copter"])
+def test_px4_is_told_the_propellers_torque_over_thrust(name):
+    airframe = load_airframe(name)
+    for motor in range(airframe.px4.parameters["CA_ROTOR_COUNT"]):
+        model = JsbsimModel(airframe, HOME)
+        fly(model, packet(*(1300 if index == motor else 1000 for index in range(6))), 2.0)  # it stands
+        torque_nm = model._exec["moments/n-prop-lbsft"] * 0.3048 * 4.4482216
+        thrust_n = -model._exec["forces/fbz-prop-lbs"] * 4.4482216
+        expected = airframe.px4.parameters[f"CA_ROTOR{motor}_KM"]
+        assert torque_nm / thrust_n == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -100,6 +124,46 @@ def airborne(speed_mps=CRUISE_MPS, alpha_rad=0.0):
     assert execute.run_ic()
     execute["propulsion/engine/propeller-rpm"] = 5000.0
     return model
+
+
+def aerodynamics(alpha_rad, beta_rad=0.0):
+    """Coefficients of force along the body's axes, and of the pitching moment, with free controls and no turn rate."""
+    model = JsbsimModel(load_airframe("aerosonde"), HOME)
+    execute = model._exec
+    level = math.cos(beta_rad)
+    wind = math.cos(alpha_rad) * level, math.sin(beta_rad), math.sin(alpha_rad) * level
+    execute["ic/h-sl-ft"] = 1000.0
+    for axis, share in zip("uvw", wind, strict=True):
+        execute[f"ic/{axis}-fps"] = CRUISE_MPS / 0.3048 * share
+    assert execute.run_ic()
+    assert execute["aero/alpha-rad"] == pytest.approx(alpha_rad, abs=1e-6)
+    pressure_lbf = execute["aero/qbar-area"]
+    forces = [execute[f"forces/fb{axis}-aero-lbs"] / pressure_lbf for axis in "xyz"]
+    return (*forces, execute["moments/m-aero-lbsft"] / pressure_lbf / execute["metrics/cbarw-ft"])
+
+
+@pytest.mark.parametrize("beta_deg", [-10, 0, 5, 15])
+@pytest.mark.parametrize("alpha_deg", [0, 5, 10])
+def test_forces_in_a_sideslip_are_the_book_s(alpha_deg, beta_deg):
+    # Chapter 4: lift and drag turned by alpha alone, the side force along the body's y axis.
+    alpha, beta = math.radians(alpha_deg), math.radians(beta_deg)
+    lift = CL0 + CL_ALPHA * alpha
+    drag = CD_P + lift**2 / (math.pi * EFFICIENCY * ASPECT)
+    fx, fz = (
+        lift * math.sin(alpha) - drag * math.cos(alpha),
+        -lift * math.cos(alpha) - drag * math.sin(alpha),
+    )
+    assert aerodynamics(alpha, beta)[:3] == pytest.approx((fx, CY_BETA * beta, fz), abs=2e-4)
+
+
+@pytest.mark.parametrize("alpha_deg", [-175, -135, -100, 60, 90, 120, 150, 179])
+def test_beyond_the_stall_it_is_a_flat_plate(alpha_deg):
+    # The normal force 2 sin^2(alpha), and at its arm of 1.42 chords the pitching moment; almost none along the plate.
+    alpha = math.radians(alpha_deg)
+    fx, _, fz, moment = aerodynamics(alpha)
+    assert fz == pytest.approx(-2 * math.sin(alpha) * abs(math.sin(alpha)), abs=0.03)
+    assert abs(fx) < 0.05
+    assert moment == pytest.approx(CM0 - 2 * 1.4218 * math.sin(alpha), abs=1e-3)
 
 
 # The book's equations of motion in the longitudinal plane, written here anew as the oracle.

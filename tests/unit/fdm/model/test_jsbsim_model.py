@@ -126,6 +126,7 @@ def test_wind_moves_it_and_is_told(model):
     assert truth.velocity_ned_mps[1] < calm.velocity_ned_mps[1] - 0.1
     relative = [v - w for v, w in zip(truth.velocity_ned_mps, truth.wind_ned_mps, strict=True)]
     assert truth.airspeed_mps == pytest.approx(math.hypot(*relative), rel=0.02)
+    assert model.air_point(0).velocity_ned_mps == truth.velocity_ned_mps
 
 
 def test_optional_sensors_follow_the_frame():

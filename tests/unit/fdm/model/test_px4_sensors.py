@@ -35,8 +35,8 @@ class StandardAir:
         return TrueState(ua_id, sim_time_ns, *place, still, ahead, attitude, gyro, force, 23.2, still)
 
 
-def encoder(sensors=EXACT, *, seed=1, ua_id=0, has_airspeed=False):
-    made = Px4Encoder(sensors, HOME, seed=seed, ua_id=ua_id, has_airspeed=has_airspeed)
+def encoder(sensors=EXACT, *, home=HOME, seed=1, ua_id=0, has_airspeed=False):
+    made = Px4Encoder(sensors, home, seed=seed, ua_id=ua_id, has_airspeed=has_airspeed)
     made.model = StandardAir()
     return made
 
@@ -153,6 +153,15 @@ def test_errors_have_the_spread_that_was_asked_for():
     assert sum(value * value for value in values) / 2000 == pytest.approx(
         0.25, rel=0.15
     )  # 4.7 sigma of chi^2
+
+
+@pytest.mark.parametrize("lat_deg", [90.0, -90.0])
+def test_a_fix_beyond_the_pole_is_at_the_pole(lat_deg):
+    made = encoder(Px4Sensors(), home=Home(GeodeticPosition(lat_deg, 0.0, 0.0), 0.0))
+    fixes = of_type(messages(made, frames=250, values=(0.0,) * len(STANDS)), "HIL_GPS")
+    at_pole = [fix for fix in fixes if fix.lat == lat_deg * 1e7]
+    assert len(fixes) == 10
+    assert 1 < len(at_pole) < 10  # about half of the errors lead over it
 
 
 def test_a_lost_model_is_told_and_not_sent():

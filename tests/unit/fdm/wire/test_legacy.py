@@ -55,6 +55,12 @@ def test_the_state_is_read_back_and_garbage_is_not():
     assert decode_legacy_state(struct.pack("<Q17dI", 0, *(math.nan,) * 17, 0x4C56414F)) is None
 
 
+def test_a_measured_place_beyond_the_pole_is_at_the_pole():
+    encode = make_legacy_encoder(Home(GeodeticPosition(89.99999, 8.0, 400.0), 0.0))
+    state = decode_legacy_state(encode((*VALUES[:7], 3.0, *VALUES[8:])))
+    assert state.position.lat_deg == 90.0
+
+
 def test_no_number_that_is_not_finite_is_sent():
     with pytest.raises(ModelDivergedError):
         make_legacy_encoder(HOME)((math.nan, *VALUES[1:]))
