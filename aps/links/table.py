@@ -16,6 +16,7 @@ from aps.wire.signing import HeardStreams
 __all__ = ["DEFAULT_MAX_CLIENTS", "LinkTable"]
 
 DEFAULT_MAX_CLIENTS: Final = 64
+LINK_IDS: Final = 256
 TELL_EVERY_S: Final = 10.0
 """Of what a peer does wrong all the time, the log has one line in this time."""
 _ALLOWANCE: Final = "allowance"
@@ -94,8 +95,7 @@ class LinkTable:
             self._tell("turned away", f"{link.name} turned away: {self.max_clients} are connected already")
             return False
         self._number(link, listener=self.listeners and link.role is Role.CLIENT)
-        if link.signing is not None and link.rules.key is not None:
-            link.signing.heard = self._heard.setdefault(link.rules.key, link.signing.heard)
+        self._share_key(link)
         self.accepted += 1
         if link.role is Role.CLIENT:
             self._allowances[link.id] = Allowance(self._frames_per_s)
@@ -147,6 +147,19 @@ class LinkTable:
                 self._told_s.clear()
             self._told_s[what] = now_s
             _log.warning("%s", text)
+
+    def _share_key(self, link: Link) -> None:
+        """Links of one key have ids of their own, the lowest that are free (ArduPilot remembers 16), and one memory."""
+        signing, key = link.signing, link.rules.key
+        if signing is None or key is None:
+            return
+        signing.heard = self._heard.setdefault(key, signing.heard)
+        others = {
+            each.signing.link_id
+            for each in self
+            if each.signing and each.rules.key == key and each is not link
+        }
+        signing.link_id = next((number for number in range(LINK_IDS) if number not in others), LINK_IDS - 1)
 
     # Numbers.
 

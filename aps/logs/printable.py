@@ -8,8 +8,10 @@ from typing import Final
 
 __all__ = ["PrintableForm", "printable"]
 
-_CONTROLS: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""All but tab and line feed, and what turns the direction of writing."""
+_CONTROLS: Final = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""All but tab and line feed, what turns the direction of writing, and halves of letters, which no terminal takes."""
 
 
 def printable(text: str) -> str:

@@ -89,6 +89,7 @@ class Signing:
 
     Attributes:
         counters: what became of the frames.
+        link_id: as given: of each link another, or a receiver takes what is late on one for what it has had by another.
         heard: with this key; links that share one take each frame once.
     """
 
@@ -99,7 +100,8 @@ class Signing:
             )
         self.counters = SigningCounters()
         self.heard = HeardStreams()
-        self._key, self._clock_us, self._link_id = key, clock_us, link_id
+        self.link_id = link_id
+        self._key, self._clock_us = key, clock_us
         self._latest = 0
 
     def verify(self, frame: Frame) -> bool:
@@ -121,13 +123,22 @@ class Signing:
         if timestamp <= oldest:
             self.counters.old += 1
             return False
-        if len(heard.by_sender) >= MAX_SENDERS and sender not in heard.by_sender:
-            self.counters.old += 1  # to forget another would let its frames be taken twice
+        if sender not in heard.by_sender and not self._has_room():
+            self.counters.old += 1
             return False
         heard.by_sender[sender] = timestamp
         heard.latest = max(heard.latest, timestamp)
         self.counters.verified += 1
         return True
+
+    def _has_room(self) -> bool:
+        """Whether one more sender can be kept; those are forgotten of whom nothing would be taken as of a new one."""
+        heard = self.heard
+        if len(heard.by_sender) < MAX_SENDERS:
+            return True
+        oldest = max(heard.latest, self._now()) - OLDEST_UNITS
+        heard.by_sender = {sender: at for sender, at in heard.by_sender.items() if at > oldest}
+        return len(heard.by_sender) < MAX_SENDERS
 
     def sign(self, raw: bytes) -> bytes | None:
         """A whole frame with our signature; one that has somebody's already as it is; ``None`` for MAVLink 1."""
@@ -138,7 +149,7 @@ class Signing:
             return raw
         frame = _with_flags(raw, raw[2] | INCOMPAT_SIGNED)
         self._latest = max(self._latest + 1, self.heard.latest + 1, self._now())
-        body = frame + bytes([self._link_id]) + self._latest.to_bytes(TIMESTAMP_BYTES, "little")
+        body = frame + bytes([self.link_id]) + self._latest.to_bytes(TIMESTAMP_BYTES, "little")
         self.counters.signed += 1
         return body + self._digest(body)
 

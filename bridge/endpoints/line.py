@@ -97,7 +97,7 @@ class PseudoTerminal(_Line):
         self._begin(fd)
 
     def write(self, data: bytes) -> None:
-        """All of it: of a device that is full the oldest gives way, for whoever opens it late."""
+        """All of it: of a device that is full, what nobody has read gives way, for whoever opens it late."""
         written = self._written(data)
         if written < len(data):
             self._forget_unread()
@@ -106,7 +106,7 @@ class PseudoTerminal(_Line):
 
     def _forget_unread(self) -> None:
         if self._other is not None:
-            with contextlib.suppress(BlockingIOError):
+            with contextlib.suppress(OSError):  # nothing is left, or somebody reads it right now
                 while unread := os.read(self._other, UNREAD_BYTES):
                     self.unread_bytes += len(unread)
 

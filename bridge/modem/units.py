@@ -120,7 +120,7 @@ def _cut(held: bytes) -> Unit | None:
 class WholeFrames:
     """What several hosts send on one line, so that no frame is cut by another's.
 
-    A frame that has begun waits here for its end.
+    A frame that begins while others may send waits here for its end; of a host that goes before that it is lost.
     """
 
     __slots__ = ("_begun",)

@@ -13,6 +13,7 @@ from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.model import Scenario
+from sitl_configs.yaml_text import NO_VALUE
 
 __all__ = ["read_recorded"]
 
@@ -34,9 +35,9 @@ def read_recorded(file: Path, placed: Callable[[Any], Any]) -> Scenario:
         raise ScenarioError(f"{file}: cannot be read: {error}") from error
     try:
         return Scenario.from_yaml(text, placed)
-    except yaml.YAMLError as error:
-        read_yaml(text, str(file), file.parent)
-        raise ScenarioError(f"{file}: is not YAML: {error}") from error
     except ValidationError as error:
         root = read_yaml(text, str(file), file.parent)
         raise ScenarioError("\n".join(explained(root, error, Scenario))) from error
+    except (yaml.YAMLError, RecursionError, *NO_VALUE) as error:
+        read_yaml(text, str(file), file.parent)  # tells the line
+        raise ScenarioError(f"{file}: is none of ours: {error}") from error

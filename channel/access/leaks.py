@@ -18,6 +18,10 @@ class Leaks:
 
     kinds: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
     shares: tuple[tuple[tuple[float, ...], ...], ...] = (((),),)
+    _is_any: bool = field(init=False, repr=False, default=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_is_any", any(one for row in self.shares for one in row))
 
     @classmethod
     def of_all(cls, *shares: float) -> Leaks:
@@ -26,7 +30,7 @@ class Leaks:
 
     def __bool__(self) -> bool:
         """Whether anything leaks at all."""
-        return any(one for row in self.shares for one in row)
+        return self._is_any
 
     def share(self, tx: int, rx: int, channels: int) -> float:
         """Of a node's signal so many channels away, at another."""

@@ -106,7 +106,7 @@ def summarise(
 def _air_warnings(scenario: Scenario, air: Sequence[AirAccount]) -> list[str]:
     """What was likely not meant with the air, and why packets may have waited."""
     lines = [text for account in air for text in account.warnings]
-    return [*lines, *held_back(scenario)] if any(account.lost_waiting for account in air) else lines
+    return [*lines, *held_back(scenario, [account.radio for account in air if account.lost_waiting])]
 
 
 def _warnings(scenario: Scenario, reports: Reports) -> list[str]:

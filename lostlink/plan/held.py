@@ -2,37 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
 from bridge.bus.keys import MAIN
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import Aircraft, EmitterNode, GroundNode, Transceiver
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Locking
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
+from channel.validity import OutsideValidityError
+from lostlink.plan.places import start_ned_m
 
 NAMED_MAX = 3
 Places = Mapping[str, FloatArray]
 
 
-def held_back(scenario: Scenario) -> Iterator[str]:
-    """Warnings, by network: at the first places of its nodes, by the mean power of what is always on."""
-    places = {node.node: _first_place_ned_m(node) for node in scenario.nodes}
-    for network in scenario.network_names:
+def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> Iterator[str]:
+    """Warnings: at the first places of a network's nodes, by the mean power of what is always on.
+
+    Args:
+        scenario: of the run.
+        networks: those to look at; all unless given.
+    """
+    places = {node.node: np.array(start_ned_m(node)) for node in scenario.nodes}
+    grounds = {node.node for node in scenario.ground}
+    for network in scenario.network_names if networks is None else networks:
         radios = radios_of(scenario, emitters_of(scenario), network)
-        floor_dbm = min(radio.noise_floor_dbm for radio in radios.values())
-        held: dict[str, float] = {}
-        for node, radio in radios.items():
-            medium = radio.config.medium
-            if isinstance(medium, Locking) and medium.listens_first and radio.sources:
-                power_dbm, level_dbm = _taken_dbm(radio, node, places), medium.senses_from_dbm(floor_dbm)
-                if power_dbm >= level_dbm:
-                    held[node] = power_dbm
+        medium = next(iter(radios.values())).config.medium
+        if not isinstance(medium, Locking) or not medium.listens_first:
+            continue
+        level_dbm = medium.senses_from_dbm(min(radio.noise_floor_dbm for radio in radios.values()))
+        taken_dbm = {
+            node: _taken_dbm(radio, node, places, is_base=node in grounds)
+            for node, radio in radios.items()
+            if radio.sources
+        }
+        held = {node: power_dbm for node, power_dbm in taken_dbm.items() if power_dbm >= level_dbm}
         if held:
             name = "" if network == MAIN else f"{network}: "
             yield f"{name}{_in_words(held, level_dbm)}"
@@ -47,22 +56,15 @@ def _in_words(held: Mapping[str, float], level_dbm: float) -> str:
     )
 
 
-def _taken_dbm(radio: Radio, node: str, places: Places) -> float:
-    """What a node takes in of sources that are always on, less its noise floor."""
+def _taken_dbm(radio: Radio, node: str, places: Places, *, is_base: bool) -> float:
+    """What a node takes in of sources that are always on, less its noise floor; nothing where a law refuses it."""
     place = places[node][np.newaxis]
     emitters = {each.name: places[each.name] for each in radio.emitters}
-    path = radio.path_of(place, place, np.zeros(1))._replace(emitters_ned_m=emitters)
-    noise_dbm = radio.noise_dbm(path, tuple(each.duty >= 1.0 for each in radio.sources))
+    path = radio.path_of(place, place, np.zeros(1))
+    path = path._replace(emitters_ned_m=emitters, tx_is_base=is_base, rx_is_base=is_base)
+    try:
+        noise_dbm = radio.noise_dbm(path, tuple(each.duty >= 1.0 for each in radio.sources))
+    except OutsideValidityError:
+        return -np.inf  # a warning of its own
     power_mw = float(np.max(ratio_from_db(noise_dbm))) - float(ratio_from_db(radio.noise_floor_dbm))
     return float(db_from_ratio(power_mw)) if power_mw > 0.0 else -np.inf
-
-
-def _first_place_ned_m(node: Transceiver | EmitterNode) -> FloatArray:
-    if isinstance(node, Aircraft):
-        return np.array([node.home.north_m, node.home.east_m, 0.0])
-    return _on_the_ground(node)
-
-
-def _on_the_ground(node: GroundNode | EmitterNode) -> FloatArray:
-    first = node.track[0] if node.track else node.place
-    return np.array((0.0, 0.0, -2.0) if first is None else (first.north_m, first.east_m, -first.height_m))

@@ -12,7 +12,7 @@ from bridge.fleet.how import calls_standins, how_joined, in_words
 from bridge.fleet.preflight.ports import mistakes, ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, GroundNode, Transceiver
+from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
@@ -24,6 +24,7 @@ from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
+from lostlink.plan.places import start_ned_m
 from lostlink.plan.reach import Reach, reach_of
 from lostlink.plan.validity import beyond_validity
 
@@ -152,20 +153,16 @@ def plan_of(scenario: Scenario) -> RunPlan:
 
 
 def _node(node: Transceiver | EmitterNode, radios: dict[str, Radio]) -> NodePlan:
+    north_m, east_m, down_m = start_ned_m(node)
+    place = north_m, east_m, 0.0 - down_m
     if isinstance(node, EmitterNode):
-        return NodePlan(node.node, node.kind, _place_of(node), None, None, None, None)
+        return NodePlan(node.node, node.kind, place, None, None, None, None)
     agent = node.agent.class_ if isinstance(node.agent, OwnAgent) else node.agent.type
     radio = None if node.radio is None else radios[node.node].config.name
     if isinstance(node, Aircraft):
         airframe = airframe_of(node)
-        place = (node.home.north_m, node.home.east_m, 0.0)
         return NodePlan(node.node, node.kind, place, airframe.name, airframe.vehicle, agent, radio)
-    return NodePlan(node.node, node.kind, _place_of(node), None, None, agent, radio)
-
-
-def _place_of(node: GroundNode | EmitterNode) -> tuple[float, float, float]:
-    first = node.track[0] if node.track else node.place
-    return (first.north_m, first.east_m, first.height_m) if first is not None else (0.0, 0.0, 2.0)
+    return NodePlan(node.node, node.kind, place, None, None, agent, radio)
 
 
 def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import MAIN, Aircraft, Transceiver
+from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import radios_of
 from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
 from channel.validity import OutsideValidityError
-
-Place = tuple[float, float, float]
+from lostlink.plan.places import start_ned_m
 
 
 def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
@@ -37,7 +36,7 @@ def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[s
 
 def _refused_links(scenario: Scenario, network: str, radios: Mapping[str, Radio]) -> Iterator[str]:
     """The first link of each radio that its law refuses where both ends stand when the run begins."""
-    places = {node.node: _start_of(node) for node in scenario.transceivers if node.node in radios}
+    places = {node.node: start_ned_m(node) for node in scenario.transceivers if node.node in radios}
     told: set[int] = set()
     for here, there in combinations(places, 2):
         radio = radios[here]
@@ -54,11 +53,3 @@ def _refused_links(scenario: Scenario, network: str, radios: Mapping[str, Radio]
             told.add(id(radio))
             ends = f"between nodes {here} and {there}, where they are at the start"
             yield f"radio of network {network}: {ends}, {error}: the first packet between them ends the run"
-
-
-def _start_of(node: Transceiver) -> Place:
-    """Where a node is when the run begins: north, east, down, m."""
-    if isinstance(node, Aircraft):
-        return node.home.north_m, node.home.east_m, 0.0
-    first = node.track[0] if node.track else node.place
-    return (first.north_m, first.east_m, -first.height_m) if first is not None else (0.0, 0.0, -2.0)

@@ -173,13 +173,19 @@ def _refuse_seed(settings: Mapping[str, Any]) -> None:
 def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for choice in choices:
-        is_number = isinstance(choice, int | float) and not isinstance(choice, bool)
-        if str(choice) in found or (is_number and choice in found.values()):
+        if str(choice) in found or any(_are_one_number(choice, each) for each in found.values()):
             raise ValueError(
                 f"{key} has the value {choice} more than once; values that read alike need labels"
             )
         found[str(choice)] = choice
     return found
+
+
+def _are_one_number(one: Any, other: Any) -> bool:
+    return (
+        all(isinstance(each, int | float) and not isinstance(each, bool) for each in (one, other))
+        and one == other
+    )
 
 
 def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:

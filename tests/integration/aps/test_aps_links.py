@@ -401,3 +401,24 @@ async def test_what_was_signed_counts_once_whatever_way_it_comes(
     log = mavutil.mavlink_connection(str(tlog))
     assert log.recv_match(type="COMMAND_LONG").command == 400
     log.close()
+
+
+async def test_links_of_one_key_say_by_which_a_frame_goes(autopilot, tmp_path, eventually):
+    (tmp_path / "key").write_text("a passphrase")
+    keyed = f",key={tmp_path / 'key'}"
+    async with Daemon(config(autopilot)) as daemon:
+        port = (await daemon.open(f"tcp-server:127.0.0.1:0{keyed}")).port
+
+        def ids():
+            return sorted(link.signing.link_id for link in daemon.links if link.signing is not None)
+
+        first, second = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+        await eventually(lambda: ids() == [0, 1])
+        first[1].close()
+        await eventually(lambda: ids() == [1])
+        third = await asyncio.open_connection(
+            "127.0.0.1", port
+        )  # as one that comes back: the lowest that is free
+        await eventually(lambda: ids() == [0, 1])
+        for _, writer in (second, third):
+            writer.close()

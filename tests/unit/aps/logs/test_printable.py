@@ -16,6 +16,7 @@ from aps.logs.printable import PrintableForm, printable
         ("gone\rhere\x08\x07\0", r"gone\rhere\x08\x07\x00"),
         ("\x9b2J\x7f\x85", r"\x9b2J\x7f\x85"),
         ("\u202eback\u2066\u2028", r"\u202eback\u2066\u2028"),
+        ("\u200fa\u061c\ud800", r"\u200fa\u061c\ud800"),
         ("a\tb\nc é ± → 飞 👩\u200d🚀 [near] \\x1b", "a\tb\nc é ± → 飞 👩\u200d🚀 [near] \\x1b"),
     ],
 )

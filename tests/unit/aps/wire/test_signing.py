@@ -144,3 +144,25 @@ def unknown_to_us(raw):
     covered = raw[1:7] + (54321).to_bytes(3, "little") + raw[10:-15]
     crc = mcrf4xx(covered + b"\x07").to_bytes(2, "little")
     return raw[:1] + covered + crc + raw[-13:]
+
+
+def test_a_new_sender_is_heard_when_many_were_long_ago():
+    now_us = NOW_US
+    ours = Signing(KEY, lambda: now_us)
+
+    def hears(link_id, timestamp):
+        mav = peer(timestamp=timestamp)
+        mav.signing.link_id = link_id
+        (frame,) = frames(attitude(mav))
+        return ours.verify(frame)
+
+    assert all(hears(number, UNITS) for number in range(256))
+    other = mavlink.MAVLink(None, srcSystem=8, srcComponent=1)
+    other.signing.secret_key, other.signing.sign_outgoing, other.signing.timestamp = KEY, True, UNITS + 1
+    (early,) = frames(attitude(other))
+    assert not ours.verify(early)  # to forget one of them would let its frames be taken twice
+    now_us += 61_000_000
+    other.signing.timestamp = UNITS + 6_100_000
+    (late,) = frames(attitude(other))
+    assert ours.verify(late)
+    assert not hears(0, UNITS)  # forgotten, and too old for a new one

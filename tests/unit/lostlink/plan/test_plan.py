@@ -429,3 +429,35 @@ def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
         "(bit_rate_bps)"
     ]
     assert plan_with("radio=wifi-5.8", "transmit.every_ticks=20")["warnings"] == []
+
+
+JAMMED = """\
+schema: 1
+name: jammed
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: {preset: wifi-2.4, propagation: PROPAGATION}
+nodes:
+  - {id: 0, home: {north_m: 300}, agent: {type: still}}
+  - {id: mast, kind: ground, place: {north_m: 0, height_m: 35}, agent: {type: still}}
+  - {id: jammer, kind: emitter, place: {north_m: 1000, height_m: 100}, frequency_hz: 2.437e9, power_dbm: 60}
+"""
+
+
+def held(propagation: str) -> list[str]:
+    warnings = plan_of(parse_scenario(JAMMED.replace("PROPAGATION", propagation), "jammed.yaml")).warnings
+    return [line for line in warnings if "never pause are a carrier" in line]
+
+
+def test_nodes_that_an_emitter_holds_back_are_told_with_what_they_take_in() -> None:
+    """Free space: 60 dBm over 978.7 m and 706.9 m at 2.437 GHz, antennas and cable as of the preset, and no filter."""
+    (line,) = held("{model: free-space}")
+    assert "at the first place of node 0 (" in line
+    assert ", mast (" in line
+
+
+def test_a_law_that_refuses_a_place_on_the_ground_ends_no_plan() -> None:
+    """rma-av is for a base of 35 m and UA from 1.5 m on: a UA at home is lower, the mast is what it is made for."""
+    refused, clamped = held("{model: rma-av}"), held("{model: rma-av, outside: clamp}")
+    assert all("node 0" not in line for line in refused)
+    assert any("mast (" in line for line in [*refused, *clamped])

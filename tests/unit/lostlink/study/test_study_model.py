@@ -207,6 +207,7 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("seeds: 3\nseeds: 4\n", "yaml:5: seeds: given twice, before on line 4"),
         ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
         ("vary: {x: [1, 1.0]}\n", "vary: .*x has the value 1.0 more than once"),
+        ("vary: {x: [1.0, true, 1]}\n", "vary: .*x has the value 1 more than once"),
         ("vary: {seed: [1, 2]}\n", "vary: .*seed is given by seeds:"),
         ("set: {seed: 5}\n", "set: .*seed is given by seeds:"),
         ("cases: {a: {seed: 5}}\n", "cases: .*seed is given by seeds:"),
@@ -316,3 +317,8 @@ def test_many_rows_of_whole_numbers_and_others_take_a_moment(tmp_path):
 
     assert list(_of_one_kind(Looked([1, True, None, 2.5]))) == [1.0, True, None, 2.5]
     assert looked_at <= 2
+
+
+@pytest.mark.parametrize("values", ["[true, 1]", "[1, true]"])
+def test_a_truth_value_is_no_number(tmp_path, values):
+    assert len(read_study(write(tmp_path, f"vary: {{x: {values}}}\n")).vary["x"]) == 2
