@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lostlink.cli.exits import fail, tell
+from lostlink.flight.say import say
 from lostlink.flight.signals import ending_signals
 
 if TYPE_CHECKING:
@@ -110,11 +111,11 @@ def modem(gcs: str, autopilot: str, duration: float | None, as_json: bool, quiet
         fail(error)
     plan, head = _planned(**asked)
     live = LiveLink(_opened(plan), dict(enumerate(endpoints)))
-    say: Callable[[str], None] = (lambda _: None) if quiet else tell
+    hint: Callable[[str], None] = (lambda _: None) if quiet else tell
     for endpoint in endpoints:
-        endpoint.tell = say
+        endpoint.tell = hint
     try:
-        asyncio.run(_serve(live, duration, say))
+        asyncio.run(_serve(live, duration, hint))
     except OSError as error:
         fail(f"cannot open the link: {error}; choose another port, or end what has it", FAILED)
     told = summary(live, head)
@@ -160,7 +161,7 @@ def _opened(plan: LinkPlan) -> Any:
         fail(error)
 
 
-async def _serve(live: LiveLink, duration_s: float | None, say: Callable[[str], None]) -> None:
+async def _serve(live: LiveLink, duration_s: float | None, hint: Callable[[str], None]) -> None:
     """Keep the link up for so long, or until a signal."""
     from lostlink.modem.report import Tally, progress
 
@@ -171,7 +172,7 @@ async def _serve(live: LiveLink, duration_s: float | None, say: Callable[[str], 
     ends_s = None if duration_s is None else loop.time() + duration_s
     try:
         await live.open()
-        say(f"ready: ground station at {live.endpoints[0].name}, autopilot at {live.endpoints[1].name}")
+        hint(f"ready: ground station at {live.endpoints[0].name}, autopilot at {live.endpoints[1].name}")
         tally = Tally.of(live)
         while not stop.is_set() and (ends_s is None or loop.time() < ends_s):
             left_s = PROGRESS_S if ends_s is None else min(PROGRESS_S, ends_s - loop.time())
@@ -180,6 +181,6 @@ async def _serve(live: LiveLink, duration_s: float | None, say: Callable[[str], 
                     await stop.wait()
             except TimeoutError:
                 line, tally = progress(live, tally)
-                say(line)
+                hint(line)
     finally:
         await live.close()
