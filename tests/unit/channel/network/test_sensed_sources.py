@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from channel.access.air import Hearing
-from channel.access.media.csma import Csma
+from channel.access.media.csma import NO_BACKOFF, Csma
 from channel.access.packets import AirFate, AirPacket
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a
@@ -182,11 +182,37 @@ def test_who_has_nothing_to_send_costs_nothing() -> None:
         assert network.access.agenda.next_ns is None
 
 
-def test_a_radio_that_is_off_senses_no_interferer() -> None:
-    """What it is given is lost at once, and does not wait for the interferer to end."""
+@pytest.mark.parametrize("to", [None, "2"])
+def test_a_radio_that_is_off_senses_no_interferer(to: str | None) -> None:
+    """What waits for one without end is lost when the radio is next looked at after its switch, 5 ms at most."""
+    off_ns = S + 2 * MS
     run = Run({"a": (jammed(jammer(20.0)), PLACES)})
-    run.neighbours["a"].side.medium.switch_radio("1", 0, on=False)
-    assert [each.fate for each in run.fates({"a": EVERY_50_MS}, S)["a"]] == ["radio_off"] * 20
+    run.neighbours["a"].side.medium.switch_radio("1", off_ns, on=False)
+    sent = [Sent("1", 900 * MS + number * MS, to=to) for number in range(3)]
+    found = run.fates({"a": sent}, 2 * S)["a"]
+    assert [each.fate for each in found] == ["radio_off"] * 3
+    assert all(off_ns < each.arrived_ns <= off_ns + 5 * MS for each in found)
+    assert {each.started_ns for each in found} == {-1}
+
+
+def test_a_radio_that_is_switched_off_leaves_neither_a_back_off_nor_a_window_to_what_follows() -> None:
+    """Off in its first try, to one that is off: 34 us of DIFS and 208 of the frame; then the rest is lost at once."""
+    run = Run({"a": (jammed(), PLACES)})
+    neighbour = run.neighbours["a"]
+    neighbour.side.medium.switch_radio("2", 0, on=False)
+    neighbour.side.medium.switch_radio("1", 1100_000, on=False)
+    sent = [Sent("1", MS, to="2") for _ in range(5)]
+    found = run.fates({"a": sent}, S)["a"]
+    assert [each.fate for each in found] == ["radio_off"] * 5
+    assert [each.started_ns for each in found] == [MS + DIFS_NS, -1, -1, -1, -1]
+    # 16 us until an ACK of 44, a slot of grace; DIFS and at most 31 slots of the doubled window
+    [lost_ns] = {each.arrived_ns for each in found}
+    after_ns = lost_ns - (MS + DIFS_NS + 208_000 + 16_000 + 44_000 + SLOT_NS)
+    assert after_ns <= DIFS_NS + 31 * SLOT_NS
+    access = neighbour.network.access
+    assert isinstance(access, Csma)
+    station = access._stations[0]
+    assert (station._cw, station._backoff) == (access.timing.cw_min, NO_BACKOFF)
 
 
 @pytest.mark.parametrize(("lbt", "energy_dbm"), [(True, -90.0), (True, -50.0), (False, -90.0)])
