@@ -18,7 +18,10 @@ from channel.access.packets import AirFate, AirPacket
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a
 from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.network.sources import MediumSources
 from channel.presets import radio_from_mapping
+from channel.validity import OutsideValidityError
 from tests.unit.channel.network.test_band import (
     MS,
     NOISE_DBM,
@@ -240,3 +243,71 @@ def test_stations_without_a_flight_sense_what_their_links_have_for_noise(over_db
     assert [one.started_ns for one in medium.run(S) if isinstance(one, AirFate)] == (
         [] if over_db > 0.0 else [MS + DIFS_NS]
     )
+
+
+@pytest.mark.parametrize("duty", [0.0, 0.5, 1.0])
+def test_stations_without_a_flight_sense_only_what_never_pauses(duty: float) -> None:
+    """When another is on is not known there, and one that was taken for always on would silence them for good."""
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) + 10.0
+    weak = jammer(power_dbm - 20.0)
+    radio = Radio(radio_from_mapping(jammed(jammer(power_dbm, duty=duty), weak)))
+    world = RadioWorld(radio, {0: (0.0, 0.0, -100.0), 1: (100.0, 0.0, -100.0)})
+    assert world.sources is not None
+    sensed_mw = mw(ENERGY_DBM - 10.0) + (mw(ENERGY_DBM + 10.0) if duty == 1.0 else 0.0)
+    assert world.sources.powers_mw([0], MS) == pytest.approx([sensed_mw], rel=1e-9)
+    medium = Csma(world, wifi_a(6.0), hearing=Hearing(mw(NOISE_DBM), mw(ENERGY_DBM), cca_ns=CCA_NS))
+    medium.offer(AirPacket(0, 0, None, 100, MS))
+    started_ns = [one.started_ns for one in medium.run(S) if isinstance(one, AirFate)]
+    assert started_ns == ([] if duty == 1.0 else [MS + DIFS_NS])
+
+
+def sources_of(nodes: str, **radio: Any) -> tuple[MediumSources, Medium]:
+    """Nodes on their way north at 20 m/s, and a jammer 400 m north of where they begin."""
+    there = jammer(20.0) | {"position_ned_m": [400.0, 300.0, -100.0]}
+    medium = Medium(Radio(radio_from_mapping(jammed(there) | radio)), seed=7, nodes=nodes)
+    return MediumSources(medium, ()), medium
+
+
+def test_one_node_is_told_what_it_is_among_all() -> None:
+    sources, medium = sources_of("abcd", **RANDOM)
+    for place, node in enumerate("abcd"):
+        medium.place(node, (100.0 * place, 300.0, -100.0))
+    medium.switch_radio("b", 10 * MS, on=False)
+    for at_ns in (0, 9 * MS, 10 * MS, 12 * MS):
+        every = sources.powers_mw(range(4), at_ns)
+        assert [power_mw > 0.0 for power_mw in every] == [True, at_ns < 10 * MS, True, True]
+        for chosen in ([0], [1], [2, 3], [3, 1]):
+            assert sources.powers_mw(chosen, at_ns) == pytest.approx(
+                [every[node] for node in chosen], rel=1e-12
+            )
+
+
+def test_powers_are_those_of_the_instant_of_asking_within_a_span() -> None:
+    """A fade whose coherence is Doppler's goes on in between, whoever asked before."""
+    fading = {"fading": {"model": "rayleigh", "coherence": "doppler"}}
+    at_ns = [100 * MS + step * MS for step in range(5)]
+    found = []
+    for order in (at_ns, at_ns[::-1]):
+        sources, medium = sources_of("ab", **fading)
+        for now_ns in (0, S):
+            medium.observe(medium.nodes, now_ns, [[20.0 * now_ns / S, 300.0, -100.0]] * 2)
+        assert {sources.span_ns(each) for each in at_ns} == {(100 * MS, 105 * MS)}
+        found.append({each: tuple(sources.powers_mw([0], each)) for each in order})
+    assert found[0] == found[1]
+    assert len(set(found[0].values())) == 5
+
+
+@pytest.mark.parametrize("why", ["off", "unknown"])
+def test_nothing_is_reckoned_of_who_senses_nothing(why: str) -> None:
+    """A law that refuses places beyond its grid, of 1 km, is not asked of a node that is off there, or not seen yet."""
+    grid = {"heights_m": [[0.0, 0.0], [0.0, 0.0]], "spacing_m": 1000.0, "origin_north_m": 100.0}
+    sources, medium = sources_of("ab", propagation={"model": "terrain", **grid})
+    medium.place("a", (500.0, 300.0, -100.0))
+    if why == "off":
+        medium.place("b", (0.0, 300.0, -100.0))
+        medium.switch_radio("b", S, on=False)
+        with pytest.raises(OutsideValidityError):
+            sources.powers_mw([0, 1], S - 1)
+    here_mw, there_mw = sources.powers_mw([0, 1], S)
+    assert here_mw > 0.0
+    assert there_mw == 0.0
