@@ -123,6 +123,10 @@ class HeardWorld:
         """As in the world; the receiver measures nothing of what it does not follow."""
         return self._world.comes_alone(frame, receiver, power_mw)
 
+    def is_off(self, node: int, at_ns: int) -> bool:
+        """As in the world (`channel.access.world.Switched`)."""
+        return self._world.is_off(node, at_ns)
+
     def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> None:
         """A node's radio might transmit: it measures noise and signals (`channel.access.world.Metering`)."""
         taken_mw = self._world.noise_mw(node, at_ns) + energy_mw

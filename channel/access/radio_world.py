@@ -13,34 +13,47 @@ from channel.access.words import FrameDraws
 from channel.access.world import AirFrame, Arrival, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.link.radio import Radio
+from channel.medium.stations.tracks import FOREVER
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 HEARD_DB = -20.0
 """A signal so far below the noise, or further, is no signal, and no interference either."""
 
 
-FOREVER_NS = 1 << 62
-
-
 class StandingSources:
-    """Sources that are always on, at nodes that stand.
+    """Sources that never pause, at nodes that stand.
 
     Args:
         powers_mw: of all together, by node.
     """
 
     def __init__(self, powers_mw: Mapping[int, float]) -> None:
-        self._powers_mw = [powers_mw.get(node, 0.0) for node in range(max(powers_mw) + 1)]
+        self._powers_mw = powers_mw
+
+    @classmethod
+    def of(cls, radio: Radio, places_ned_m: Mapping[int, Sequence[float]]) -> StandingSources | None:
+        """Those of a radio that nodes at some places have; None: there are none that never pause."""
+        on = tuple(source.duty >= 1.0 for source in radio.sources)
+        if not any(on):
+            return None
+        floor_mw = float(ratio_from_db(radio.noise_floor_dbm))
+        there = {
+            node: radio.path(position_tx_ned_m=place, position_rx_ned_m=place)
+            for node, place in places_ned_m.items()
+        }
+        return cls(
+            {node: float(ratio_from_db(radio.noise_dbm(path, on))) - floor_mw for node, path in there.items()}
+        )
 
     def span_ns(self, at_ns: int) -> tuple[int, int]:
         """All time."""
         del at_ns
-        return 0, FOREVER_NS
+        return 0, FOREVER
 
-    def powers_mw(self, at_ns: int) -> Sequence[float]:
-        """At each node."""
+    def powers_mw(self, nodes: Sequence[int], at_ns: int) -> Sequence[float]:
+        """At some nodes."""
         del at_ns
-        return self._powers_mw
+        return [self._powers_mw[node] for node in nodes]
 
 
 class RadioWorld:
@@ -67,10 +80,8 @@ class RadioWorld:
                 if tx != rx:
                     reach[tx] += self._join((tx, rx), places_ned_m[tx], places_ned_m[rx])
             reach[tx].sort(key=lambda arrival: arrival.delay_ns)
-        floor_mw = float(ratio_from_db(radio.noise_floor_dbm))
-        taken_mw = {rx: noise_mw - floor_mw for (_, rx), noise_mw in self._noise_mw.items()}
-        self.sources = StandingSources(taken_mw) if radio.sources and taken_mw else None
-        """As in the noise of links, all that the radio has are on."""
+        self.sources = StandingSources.of(radio, places_ned_m)
+        """For carrier sense; the noise of links has those that pause as well, as if they were on all the time."""
         self._reach = {tx: FrameArrivals.of(arrivals, self._alone) for tx, arrivals in reach.items()}
         self._reached = {tx: tuple(rx for rx, _, _ in arrivals) for tx, arrivals in reach.items()}
         self._per = lru_cache(maxsize=65_536)(self._per_of)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
@@ -33,7 +33,8 @@ class SensedSources:
         now_ns = self._agenda.now_ns
         self._listening[receiver.node] = receiver
         since_ns, _ = self._sources.span_ns(now_ns)
-        receiver.meets_sources(self._sources.powers_mw(now_ns)[receiver.node], since_ns)
+        [power_mw] = self._sources.powers_mw([receiver.node], now_ns)
+        receiver.meets_sources(power_mw, since_ns)
         self._plan()
 
     def leave(self, receiver: Receiver) -> None:
@@ -53,8 +54,9 @@ class SensedSources:
             self._ignore(receiver)
         if not self._listening:
             return
-        powers_mw = self._sources.powers_mw(self._agenda.now_ns)
         listening = sorted(self._listening.items())
+        nodes = [node for node, _ in listening]
+        powers_mw = dict(zip(nodes, self._sources.powers_mw(nodes, self._agenda.now_ns), strict=True))
         for node, receiver in listening:
             if powers_mw[node] < receiver.sources_mw:
                 receiver.hears_sources(powers_mw[node])
@@ -62,7 +64,8 @@ class SensedSources:
             self._agenda.at(self._agenda.now_ns, SIGNAL_STARTS, NOBODY, self._begin, powers_mw)
         self._plan()
 
-    def _begin(self, powers_mw: Sequence[float]) -> None:
-        for node, receiver in sorted(self._listening.items()):
-            if powers_mw[node] > receiver.sources_mw:
-                receiver.hears_sources(powers_mw[node])
+    def _begin(self, powers_mw: Mapping[int, float]) -> None:
+        for node, power_mw in powers_mw.items():
+            receiver = self._listening.get(node)
+            if receiver is not None and power_mw > receiver.sources_mw:
+                receiver.hears_sources(power_mw)

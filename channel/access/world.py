@@ -193,10 +193,10 @@ class Sources(Protocol):
     """Interferers and emitters at the nodes of a world. What they answer depends on their arguments alone."""
 
     def span_ns(self, at_ns: int) -> tuple[int, int]:
-        """From when to when nothing changes, about an instant."""
+        """From when to when none begins or ends, and none is looked at anew, about an instant."""
 
-    def powers_mw(self, at_ns: int) -> Sequence[float]:
-        """Of all of them together, at each node."""
+    def powers_mw(self, nodes: Sequence[int], at_ns: int) -> Sequence[float]:
+        """Of all of them together, at some nodes: as they are at this very instant, which may lie within a span."""
 
 
 @runtime_checkable

@@ -241,6 +241,10 @@ class Medium:
         """Return which radios are off at an instant, in the order of `nodes`."""
         return self._switches.off_at(sim_time_ns)
 
+    def radio_off(self, node: int, sim_time_ns: int) -> bool:
+        """Return whether the radio of a node, by its place in `nodes`, is off at an instant."""
+        return self._switches.is_off(node, sim_time_ns)
+
     def send(self, packets: Packets) -> None:
         """Keep packets until they can be settled.
 

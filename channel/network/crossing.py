@@ -98,7 +98,7 @@ class Crossing:
     def reach(self, frame: AirFrame) -> Sequence[Arrival]:
         """Where a frame of the source that starts now comes in, with its power before the receiver's filter."""
         here, at_ns = self._source.medium, frame.started_ns
-        if here.radios_off(at_ns)[frame.node] or not here.known[frame.node]:
+        if here.radio_off(frame.node, at_ns) or not here.known[frame.node]:
             return ()
         power_dbm, distance_m = self._powers_dbm(frame)
         rows = np.flatnonzero(power_dbm >= self._floor_dbm + HEARD_DB)

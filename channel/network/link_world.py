@@ -214,7 +214,7 @@ class LinkWorld:
 
     def is_off(self, node: int, at_ns: int) -> bool:
         """Whether a node's radio is off at an instant."""
-        return bool(self._medium.radios_off(at_ns)[node])
+        return self._medium.radio_off(node, at_ns)
 
     def noise_mw(self, node: int, at_ns: int) -> float:
         """The noise of a node's receiver at an instant, with all that interferes but frames."""

@@ -265,6 +265,7 @@ class Station:
         assert packet is not None
         if self._medium.is_off(self._node, self._tried_ns):
             self._medium.silenced(packet, self._frame, self.attempts)
+            self._cw, self._backoff = self._timing.cw_min, NO_BACKOFF
             self._take()
             self._schedule()
             return

@@ -32,6 +32,11 @@ class Switches:
         times.insert(place, sim_time_ns)
         self._on.setdefault(node, []).insert(place, on)
 
+    def is_off(self, node: int, sim_time_ns: int) -> bool:
+        """Return whether a node is off at an instant."""
+        place = bisect.bisect_right(self._times.get(node, ()), sim_time_ns)
+        return place > 0 and not self._on[node][place - 1]
+
     def off_at(self, sim_time_ns: int) -> NDArray[np.bool_]:
         """Return which radios are off at an instant, shape (nodes,)."""
         every = np.arange(self._nodes)

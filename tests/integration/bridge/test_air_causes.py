@@ -86,21 +86,33 @@ def test_what_a_radio_that_is_off_sends_or_should_get_by_802_11_is_lost_to_that(
     assert redecide(run.path).comparison.is_same
 
 
+SIK, ELRS = {"model": "sik", "air_kbps": 64}, {"model": "elrs", "mode": "lora-333-full"}
+
+
 @pytest.mark.parametrize(
     "medium",
     [
         {"model": "airtime"},
         {"model": "tdma", "slot_s": 0.1, "guard_s": 0.0},
-        {"model": "sik", "air_kbps": 64},
-        {"model": "elrs", "mode": "lora-333-full"},
+        SIK,
+        ELRS,
         {"model": "delay", "least_s": 0.01, "median_s": 0.01, "most_s": 0.01, "rate_bps": 64e3},
     ],
     ids=lambda medium: medium["model"],
 )
 def test_what_a_radio_that_is_off_is_given_never_leaves_it(flown: Flown, medium: dict[str, Any]) -> None:
+    never_leaves(flown, medium, {})
+
+
+@pytest.mark.parametrize("medium", [SIK, ELRS], ids=lambda medium: medium["model"])
+def test_nor_does_it_leave_it_where_modems_look_on(flown: Flown, medium: dict[str, Any]) -> None:
+    never_leaves(flown, medium, {"modems": {"main": {"serve": ["pty"]}}})
+
+
+def never_leaves(flown: Flown, medium: dict[str, Any], at_g1: dict[str, Any]) -> None:
     sends = [(1.0, "g1", 20), (1.5, "all", 20), (1.9, "g1", 20), (3.5, "g1", 20)]
     off = node(0, 0.0, sends=sends) | {"radio_off": [{"from_s": 0.9, "to_s": 2.0}]}
-    run = flown([off, node(1, 100.0)], medium, duration_s=4.0)
+    run = flown([off, node(1, 100.0) | at_g1], medium, duration_s=4.0)
     *lost, (last, _, _) = fates(run, "0", "g1")
     assert (lost, last) == ([("radio_off", 0, False)] * 3, "delivered")
     assert balances(run)

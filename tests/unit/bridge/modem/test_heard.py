@@ -13,10 +13,13 @@ from bridge.modem.pair import AIR, GROUND
 from bridge.modem.places import apart
 from bridge.modem.radio_link import LinkPlan, RadioLink
 from bridge.modem.settings import counts_foreign, peers_of
+from channel.access import world as access_world
+from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket
 from channel.access.settings.base import Surroundings
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.sik import SikMedium
+from channel.access.world import Disturbed, Foreseeing, Identified, Metering, Switched
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.network.link_world import LinkWorld
@@ -31,6 +34,17 @@ BESIDE_M = 50.0
 
 def measured(preset: str, count: int, settings: Mapping[str, Any], seconds: int = 2) -> dict[int, RadioMeter]:
     """By so many radios, two by two on links of their own that lose nothing to the channel."""
+    _, world, access = heard_world(preset, count, settings)
+    for tenth in range(10 * seconds):
+        for node in range(count):
+            access.offer(AirPacket(node, tenth, node ^ 1, 20, tenth * 100 * MS))
+    access.run(seconds * S)
+    return world.heard
+
+
+def heard_world(
+    preset: str, count: int, settings: Mapping[str, Any]
+) -> tuple[LinkWorld, HeardWorld, AccessMedium]:
     lossless = {"error": {"model": "lossless"}, "medium": settings}
     radio, nodes = Radio(load_radio(preset, lossless)), IDS[:count]
     channel = Medium(radio, seed=1, nodes=nodes)
@@ -42,11 +56,17 @@ def measured(preset: str, count: int, settings: Mapping[str, Any], seconds: int 
     links, peers = LinkWorld(channel, expects=False, keeps=False), peers_of(medium, nodes)
     world = HeardWorld(links, floors_dbm, peers, counts_foreign=counts_foreign(medium))
     access = medium.open(Surroundings.of(world, channel.index, 1, radio.config, radio.noise_floor_dbm))
-    for tenth in range(10 * seconds):
-        for node in range(count):
-            access.offer(AirPacket(node, tenth, node ^ 1, 20, tenth * 100 * MS))
-    access.run(seconds * S)
-    return world.heard
+    return links, world, access
+
+
+def test_who_looks_on_at_a_world_is_all_that_the_world_is() -> None:
+    """But for frames that are foreseen: what is measured hangs on their order."""
+    links, world, _ = heard_world("sik-433", 2, {"model": "sik"})
+    optional = [each for each in vars(access_world).values() if getattr(each, "_is_runtime_protocol", False)]
+    assert {Identified, Disturbed, Switched, Metering, Foreseeing} <= set(optional)
+    assert [each for each in optional if isinstance(links, each) and not isinstance(world, each)] == [
+        Foreseeing
+    ]
 
 
 def test_link_quality_is_that_of_ones_own_link() -> None:

@@ -13,12 +13,15 @@ import numpy as np
 import pytest
 
 from channel.access.air import Hearing
-from channel.access.media.csma import Csma
+from channel.access.media.csma import NO_BACKOFF, Csma
 from channel.access.packets import AirFate, AirPacket
 from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a
 from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.network.sources import MediumSources
 from channel.presets import radio_from_mapping
+from channel.validity import OutsideValidityError
 from tests.unit.channel.network.test_band import (
     MS,
     NOISE_DBM,
@@ -182,11 +185,37 @@ def test_who_has_nothing_to_send_costs_nothing() -> None:
         assert network.access.agenda.next_ns is None
 
 
-def test_a_radio_that_is_off_senses_no_interferer() -> None:
-    """What it is given is lost at once, and does not wait for the interferer to end."""
+@pytest.mark.parametrize("to", [None, "2"])
+def test_a_radio_that_is_off_senses_no_interferer(to: str | None) -> None:
+    """What waits for one without end is lost when the radio is next looked at after its switch, 5 ms at most."""
+    off_ns = S + 2 * MS
     run = Run({"a": (jammed(jammer(20.0)), PLACES)})
-    run.neighbours["a"].side.medium.switch_radio("1", 0, on=False)
-    assert [each.fate for each in run.fates({"a": EVERY_50_MS}, S)["a"]] == ["radio_off"] * 20
+    run.neighbours["a"].side.medium.switch_radio("1", off_ns, on=False)
+    sent = [Sent("1", 900 * MS + number * MS, to=to) for number in range(3)]
+    found = run.fates({"a": sent}, 2 * S)["a"]
+    assert [each.fate for each in found] == ["radio_off"] * 3
+    assert all(off_ns < each.arrived_ns <= off_ns + 5 * MS for each in found)
+    assert {each.started_ns for each in found} == {-1}
+
+
+def test_a_radio_that_is_switched_off_leaves_neither_a_back_off_nor_a_window_to_what_follows() -> None:
+    """Off in its first try, to one that is off: 34 us of DIFS and 208 of the frame; then the rest is lost at once."""
+    run = Run({"a": (jammed(), PLACES)})
+    neighbour = run.neighbours["a"]
+    neighbour.side.medium.switch_radio("2", 0, on=False)
+    neighbour.side.medium.switch_radio("1", 1100_000, on=False)
+    sent = [Sent("1", MS, to="2") for _ in range(5)]
+    found = run.fates({"a": sent}, S)["a"]
+    assert [each.fate for each in found] == ["radio_off"] * 5
+    assert [each.started_ns for each in found] == [MS + DIFS_NS, -1, -1, -1, -1]
+    # 16 us until an ACK of 44, a slot of grace; DIFS and at most 31 slots of the doubled window
+    [lost_ns] = {each.arrived_ns for each in found}
+    after_ns = lost_ns - (MS + DIFS_NS + 208_000 + 16_000 + 44_000 + SLOT_NS)
+    assert after_ns <= DIFS_NS + 31 * SLOT_NS
+    access = neighbour.network.access
+    assert isinstance(access, Csma)
+    station = access._stations[0]
+    assert (station._cw, station._backoff) == (access.timing.cw_min, NO_BACKOFF)
 
 
 @pytest.mark.parametrize(("lbt", "energy_dbm"), [(True, -90.0), (True, -50.0), (False, -90.0)])
@@ -214,3 +243,71 @@ def test_stations_without_a_flight_sense_what_their_links_have_for_noise(over_db
     assert [one.started_ns for one in medium.run(S) if isinstance(one, AirFate)] == (
         [] if over_db > 0.0 else [MS + DIFS_NS]
     )
+
+
+@pytest.mark.parametrize("duty", [0.0, 0.5, 1.0])
+def test_stations_without_a_flight_sense_only_what_never_pauses(duty: float) -> None:
+    """When another is on is not known there, and one that was taken for always on would silence them for good."""
+    power_dbm = ENERGY_DBM + free_space_db(AWAY_M) + 10.0
+    weak = jammer(power_dbm - 20.0)
+    radio = Radio(radio_from_mapping(jammed(jammer(power_dbm, duty=duty), weak)))
+    world = RadioWorld(radio, {0: (0.0, 0.0, -100.0), 1: (100.0, 0.0, -100.0)})
+    assert world.sources is not None
+    sensed_mw = mw(ENERGY_DBM - 10.0) + (mw(ENERGY_DBM + 10.0) if duty == 1.0 else 0.0)
+    assert world.sources.powers_mw([0], MS) == pytest.approx([sensed_mw], rel=1e-9)
+    medium = Csma(world, wifi_a(6.0), hearing=Hearing(mw(NOISE_DBM), mw(ENERGY_DBM), cca_ns=CCA_NS))
+    medium.offer(AirPacket(0, 0, None, 100, MS))
+    started_ns = [one.started_ns for one in medium.run(S) if isinstance(one, AirFate)]
+    assert started_ns == ([] if duty == 1.0 else [MS + DIFS_NS])
+
+
+def sources_of(nodes: str, **radio: Any) -> tuple[MediumSources, Medium]:
+    """Nodes on their way north at 20 m/s, and a jammer 400 m north of where they begin."""
+    there = jammer(20.0) | {"position_ned_m": [400.0, 300.0, -100.0]}
+    medium = Medium(Radio(radio_from_mapping(jammed(there) | radio)), seed=7, nodes=nodes)
+    return MediumSources(medium, ()), medium
+
+
+def test_one_node_is_told_what_it_is_among_all() -> None:
+    sources, medium = sources_of("abcd", **RANDOM)
+    for place, node in enumerate("abcd"):
+        medium.place(node, (100.0 * place, 300.0, -100.0))
+    medium.switch_radio("b", 10 * MS, on=False)
+    for at_ns in (0, 9 * MS, 10 * MS, 12 * MS):
+        every = sources.powers_mw(range(4), at_ns)
+        assert [power_mw > 0.0 for power_mw in every] == [True, at_ns < 10 * MS, True, True]
+        for chosen in ([0], [1], [2, 3], [3, 1]):
+            assert sources.powers_mw(chosen, at_ns) == pytest.approx(
+                [every[node] for node in chosen], rel=1e-12
+            )
+
+
+def test_powers_are_those_of_the_instant_of_asking_within_a_span() -> None:
+    """A fade whose coherence is Doppler's goes on in between, whoever asked before."""
+    fading = {"fading": {"model": "rayleigh", "coherence": "doppler"}}
+    at_ns = [100 * MS + step * MS for step in range(5)]
+    found = []
+    for order in (at_ns, at_ns[::-1]):
+        sources, medium = sources_of("ab", **fading)
+        for now_ns in (0, S):
+            medium.observe(medium.nodes, now_ns, [[20.0 * now_ns / S, 300.0, -100.0]] * 2)
+        assert {sources.span_ns(each) for each in at_ns} == {(100 * MS, 105 * MS)}
+        found.append({each: tuple(sources.powers_mw([0], each)) for each in order})
+    assert found[0] == found[1]
+    assert len(set(found[0].values())) == 5
+
+
+@pytest.mark.parametrize("why", ["off", "unknown"])
+def test_nothing_is_reckoned_of_who_senses_nothing(why: str) -> None:
+    """A law that refuses places beyond its grid, of 1 km, is not asked of a node that is off there, or not seen yet."""
+    grid = {"heights_m": [[0.0, 0.0], [0.0, 0.0]], "spacing_m": 1000.0, "origin_north_m": 100.0}
+    sources, medium = sources_of("ab", propagation={"model": "terrain", **grid})
+    medium.place("a", (500.0, 300.0, -100.0))
+    if why == "off":
+        medium.place("b", (0.0, 300.0, -100.0))
+        medium.switch_radio("b", S, on=False)
+        with pytest.raises(OutsideValidityError):
+            sources.powers_mw([0, 1], S - 1)
+    here_mw, there_mw = sources.powers_mw([0, 1], S)
+    assert here_mw > 0.0
+    assert there_mw == 0.0

@@ -146,3 +146,16 @@ def test_of_two_words_at_one_instant_the_later_stands():
 def test_a_switch_that_cannot_be_is_refused(node, at_ns, words):
     with pytest.raises(ChannelInputError, match=words):
         medium_of().switch_radio(node, at_ns, on=False)
+
+
+def test_one_radio_is_off_when_it_is_among_all():
+    rng = np.random.default_rng(5)
+    medium = medium_of()
+    for _ in range(60):
+        node, at_ns, on = rng.choice(NODES[:3]), int(rng.integers(0, 30)), bool(rng.integers(0, 2))
+        medium.switch_radio(node, at_ns, on=on)
+    every = range(len(NODES))
+    asked = [(at_ns, medium.radios_off(at_ns).tolist()) for at_ns in (*range(-1, 31), 10**18)]
+    assert {off for _, row in asked for off in row} == {False, True}
+    for at_ns, row in asked:
+        assert [medium.radio_off(node, at_ns) for node in every] == row
