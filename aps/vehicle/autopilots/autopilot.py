@@ -77,7 +77,7 @@ class FlightStack(Protocol):
     home_is_an_item: bool
     """Whether home is item 0 of its missions."""
     zero_is_here: bool
-    """Whether an item without a place is sent with 0, 0: where it is when the item's turn comes."""
+    """Whether an item without a place is sent with 0, 0, where it is when the item's turn comes, or needs one."""
     bytewise_parameters: bool
     """Whether whole numbers are the four bytes of a PARAM_VALUE's float."""
     packed_parameters: bool

@@ -126,6 +126,11 @@ class MissionItem:
         return self.is_global and math.isfinite(lat_deg + lon_deg) and (lat_deg, lon_deg) != (0.0, 0.0)
 
     @property
+    def lacks_place(self) -> bool:
+        """Whether it should have a latitude and a longitude, and one of them is not given."""
+        return self.is_global and any(math.isnan(value) for value in self.params[4:6])
+
+    @property
     def _scale(self) -> float:
         if self.is_global:
             return DEGREES
@@ -142,7 +147,11 @@ class MissionItem:
     def to_message(
         self, sysid: int, seq: int, kind: int, *, current: bool = False, zero_is_here: bool = False
     ) -> Any:
-        """MISSION_ITEM_INT to the autopilot of a system; ``zero_is_here``: a place that is not given is 0, 0 to it."""
+        """MISSION_ITEM_INT to the autopilot of a system; ``zero_is_here``: a place that is not given is 0, 0 to it.
+
+        To others it is INT32_MAX, which PX4 takes for a latitude of 214.7 (mavlink_mission.cpp of early 2025): where
+        ``lacks_place`` the item is for ArduPilot alone.
+        """
         none = 0 if zero_is_here else NOT_GIVEN
         return mavlink.MAVLink_mission_item_int_message(
             sysid,

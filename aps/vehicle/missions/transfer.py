@@ -332,12 +332,19 @@ def upload(state: VehicleState, items: list[Any], kind: str = "mission") -> Uplo
         state: the UA now.
         items: MissionItem, or their JSON; without home.
         kind: ``mission``, ``fence`` or ``rally``.
+
+    Raises:
+        ValueError: no such kind or items; or one has no place, and the autopilot needs one.
     """
-    read = items_of(items)
-    if kind != "mission":  # whose items may be where the UA is when their turn comes
-        for number, item in enumerate(read):
-            if item.is_global and not item.is_placed:
-                raise ValueError(f"item {number}: a {kind} item needs a latitude and a longitude, not both 0")
+    read, autopilot = items_of(items), autopilot_of(state.autopilot)
+    for number, item in enumerate(read):
+        if kind != "mission" and item.is_global and not item.is_placed:
+            raise ValueError(f"item {number}: a {kind} item needs a latitude and a longitude, not both 0")
+        if item.lacks_place and not autopilot.zero_is_here:
+            command = enum_label("MAV_CMD", item.command)
+            raise ValueError(
+                f"item {number}: {autopilot.name} needs a latitude and a longitude for {command}"
+            )
     return UploadExecution(state, read, kind)
 
 

@@ -1,9 +1,10 @@
 """Reading a file of the autopilot over MAVLink FTP, and its packed list of all parameters. No I/O, no clock.
 
 The file is opened, read in bursts, and closed; what is missing of a burst is asked for again. A NAK with the code for
-"end of file" ends it. A request that was not answered is repeated with its sequence number, and the autopilot repeats
-its answer: it does not open a file twice. The pieces of a burst are numbered on from their request, and the number of
-the next request is beyond them. (https://mavlink.io/en/services/ftp.html, ArduPilot's GCS_FTP.cpp; the packed list:
+"end of file" that is the first answer to a request ends it: one behind a burst's pieces does not tell whether they all
+came. A request that was not answered is repeated with its sequence number, and the autopilot repeats its answer: it
+does not open a file twice. The pieces of a burst are numbered on from their request, and the number of the next request
+is beyond them all, heard or not. (https://mavlink.io/en/services/ftp.html, ArduPilot's GCS_FTP.cpp; the packed list:
 AP_Filesystem_Param.cpp)
 """
 
@@ -31,6 +32,13 @@ _TERMINATE, _OPEN_RO, _BURST = 1, 4, 15
 _ACK, _NAK = 128, 129
 _END_OF_FILE: Final = 6
 _SEQ_MASK: Final = 0xFFFF
+_SEQ_STRIDE: Final = 1024
+"""From one request's sequence number to the next: ArduPilot answers one with 501 messages at most (GCS_FTP.cpp), PX4
+with 35 kB and what its transmit buffer holds (mavlink_ftp.cpp)."""
+_SIZE: Final = struct.Struct("<I")
+_VIRTUAL: Final = "@"
+"""Begins the paths of ArduPilot's virtual files, whose sizes are limits or made up (AP_Filesystem_Param, _Sys and
+_Mission)."""
 _NS_PER_MS: Final = 1_000_000
 _ERRORS: Final = {
     1: "failed",
@@ -65,10 +73,12 @@ class ReadExecution(Execution):
         self._sysid, self._path = state.sysid, path
         self._name = name
         self._seq: int | None = None
-        """Of our last request, or of the last answer to it."""
+        """Of our last request."""
         self._asked: Any = None
         """The request that nothing has answered yet."""
         self._session: int | None = None
+        self._size = 0
+        """Of the file when it was opened, bytes; 0 where that is not known."""
         self._content = bytearray()
         self._holes: dict[int, bytes] = {}
         """Pieces behind a gap, by offset."""
@@ -116,7 +126,7 @@ class ReadExecution(Execution):
 
     def _message(self, opcode: int, session: int, offset: int, data: bytes, size: int | None = None) -> Any:
         size = len(data) if size is None else size
-        self._seq = ((self._seq or 0) + 1) & _SEQ_MASK
+        self._seq = ((self._seq or 0) + _SEQ_STRIDE) & _SEQ_MASK
         payload = _HEADER.pack(self._seq, session, opcode, size, 0, 0, offset) + data
         return mavlink.MAVLink_file_transfer_protocol_message(
             0, self._sysid, AUTOPILOT_COMPID, list(payload.ljust(_HEADER.size + DATA_BYTES, b"\0"))
@@ -134,37 +144,47 @@ class ReadExecution(Execution):
         payload = bytes(fields["payload"])
         seq, session, opcode, size, asked, complete, offset = _HEADER.unpack_from(payload)
         data = payload[_HEADER.size : _HEADER.size + size]
+        number = seq - (self._seq or 0) - 1 & _SEQ_MASK  # of the answers to our last request, from 0
+        is_late = number >= _SEQ_STRIDE
         if self._session is None:
-            if asked == _OPEN_RO:
-                self._answered(seq)
+            if asked == _OPEN_RO and number == 0:
+                self._asked = None
                 self._opened(opcode, session, data)
         elif asked == _BURST and session == self._session:
-            self._answered(seq)
-            self._burst(opcode, bool(complete), offset, data, now_ns)
-
-    def _answered(self, seq: int) -> None:
-        self._asked = None
-        if self._seq is not None and (seq - self._seq & _SEQ_MASK) <= _SEQ_MASK // 2:  # else it is late
-            self._seq = seq
+            if not is_late:
+                self._asked = None
+            if opcode == _ACK and data:
+                self._piece(bool(complete) and not is_late, offset, data, now_ns)
+            elif opcode == _NAK and not is_late:
+                self._on_nak(number, data)
 
     def _opened(self, opcode: int, session: int, data: bytes) -> None:
         if opcode == _NAK:
             self.refuse(f"{self._path}: {_error(data)}")
         elif opcode == _ACK:
             self._session, self._tries, self._due_at_ns = session, 0, 0
+            if len(data) >= _SIZE.size and not self._path.startswith(_VIRTUAL):
+                (self._size,) = _SIZE.unpack_from(data)
             self.tell("accepted", f"{self._path} is open")
 
-    def _burst(self, opcode: int, complete: bool, offset: int, data: bytes, now_ns: int) -> None:
-        if opcode == _NAK:
-            if data[:1] == bytes([_END_OF_FILE]) and not self._holes:
-                self._finish(Outcome.REACHED, value=bytes(self._content))
-            elif data[:1] == bytes([_END_OF_FILE]):
-                self._due_at_ns = 0
-            else:
-                self._finish(Outcome.REFUSED, f"{self._path}: {_error(data)}")
-            return
-        if opcode != _ACK or not data:
-            return
+    def _on_nak(self, number: int, data: bytes) -> None:
+        """A NAK, by its number among the answers to the last request."""
+        if data[:1] != bytes([_END_OF_FILE]):
+            self._finish(Outcome.REFUSED, f"{self._path}: {_error(data)}")
+        elif number:  # behind pieces that may not all have come
+            self._due_at_ns = 0
+        else:
+            self._ended()
+
+    def _ended(self) -> None:
+        """No byte follows those that came."""
+        whole = max([self._size, *(at + len(data) for at, data in self._holes.items())])
+        if len(self._content) < whole:
+            self._finish(Outcome.REFUSED, f"{self._path} ends after {len(self._content)} of {whole} bytes")
+        else:
+            self._finish(Outcome.REACHED, value=bytes(self._content))
+
+    def _piece(self, complete: bool, offset: int, data: bytes, now_ns: int) -> None:
         before = len(self._content)
         self._keep(offset, data)
         if len(self._content) > MAX_FILE_BYTES:

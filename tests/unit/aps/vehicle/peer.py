@@ -19,6 +19,8 @@ SYSID, OURS = 7, 191
 STEP_NS = 10_000_000
 RETRY_STEPS = 100
 """Steps without an answer after which the autopilot asks again for an item: 1 s."""
+PIECE_BYTES = 80
+"""Of a file, in each of the messages of a burst."""
 IDLE_STEPS = 300
 """Steps after which a file that nobody reads may be closed for another one: 3 s."""
 
@@ -44,7 +46,7 @@ class LossyLink:
 
 
 class KeepingAutopilot:
-    """Missions of three kinds, parameters, and @PARAM/param.pck if it knows FTP."""
+    """Missions of three kinds, parameters, and @PARAM/param.pck and further files if it knows FTP."""
 
     def __init__(self, parameters=(), ftp=True):
         self.mav = mavlink.MAVLink(None, srcSystem=SYSID, srcComponent=1)
@@ -56,6 +58,11 @@ class KeepingAutopilot:
         self.parameters = dict(parameters)
         self.ftp = ftp
         self.file = packed(self.parameters)
+        self.files = {}
+        """Further files: path -> content."""
+        self.sizes = {}
+        """What OPEN tells in place of a file's size, by path."""
+        self._open = b""
         self._file_used = None
         """Step at which the file that is open was last used, or ``None``."""
         self._answer = None
@@ -195,25 +202,36 @@ class KeepingAutopilot:
         used, self._file_used = self._file_used, self._time
         if opcode == 4 and used is not None and self._time - used <= IDLE_STEPS:
             self._reply(seq, 0, 129, opcode, 0, bytes([1]))  # one file at a time
-        elif opcode == 4 and name == b"@PARAM/param.pck":
-            self._reply(seq, 3, 128, opcode, 0, struct.pack("<I", len(self.file)))
+        elif opcode == 4 and (found := self._found(name.decode())) is not None:
+            self._open, size = found
+            self._reply(seq, 3, 128, opcode, 0, struct.pack("<I", size))
         elif opcode == 4:
             self._file_used = None
             self._reply(seq, 0, 129, opcode, 0, bytes([10]))
-        elif opcode == 15 and offset >= len(self.file):
-            self._reply(seq, session, 129, opcode, offset, bytes([6]))
         elif opcode == 15:
-            for number in range(20):
-                at = offset + number * 80
-                data = self.file[at : at + 80]
-                last = number == 19 or at + 80 >= len(self.file)
-                if data:
-                    self._reply(seq + number, session, 128, opcode, at, data, complete=last)
-                if last:
-                    break
+            self._burst(seq, session, offset)
         elif opcode == 1:
             self._file_used = None
             self._reply(seq, session, 128, opcode, 0, b"")
+
+    def _found(self, name):
+        """Content of a file and the size that is told of it; of the packed one ArduPilot tells a limit."""
+        if name == "@PARAM/param.pck":
+            return self.file, 12 * len(self.parameters)
+        if name in self.files:
+            return self.files[name], self.sizes.get(name, len(self.files[name]))
+        return None
+
+    def _burst(self, seq, session, offset):
+        """Pieces, the last one said to be so if it is short, and behind it that the file ends, as ArduPilot does it."""
+        for number in range(20):
+            at = offset + number * PIECE_BYTES
+            data = self._open[at : at + PIECE_BYTES]
+            if not data:
+                self._reply(seq + number, session, 129, 15, at, bytes([6]))
+                return
+            self._reply(seq + number, session, 128, 15, at, data, len(data) < PIECE_BYTES or number == 19)
+        self._answer = (self._answer[0] + 1 & 0xFFFF, *self._answer[1:])
 
     def _reply(self, seq, session, opcode, asked, offset, data, complete=False):
         self._answer = ((seq + 1) & 0xFFFF, session, opcode, asked, offset, data, complete)

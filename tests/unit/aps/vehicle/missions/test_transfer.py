@@ -253,13 +253,37 @@ def test_messages_for_other_stations_are_not_ours():
 LAND_HERE = MissionItem(21, (0.0, 0.0, 0.0, 0.0, math.nan, math.nan, 0.0))
 
 
-@pytest.mark.parametrize(("mav_autopilot", "x"), [(3, 0), (12, 2**31 - 1), (0, 2**31 - 1)])
-def test_a_place_that_is_not_given_is_sent_as_the_autopilot_takes_it(mav_autopilot, x):
-    """0, 0 is for ArduPilot where it is, and INT32_MAX no latitude."""
-    bench = Bench(mav_autopilot=mav_autopilot)
+def test_a_place_that_is_not_given_is_where_ardupilot_is():
+    bench = Bench()
     assert bench.run("mission_upload", [*ITEMS[:1], LAND_HERE]).value == 2
     last = bench.autopilot.items[0][-1]
-    assert (last.command, last.x, last.y) == (21, x, x)
+    assert (last.command, last.x, last.y) == (21, 0, 0)
+
+
+@pytest.mark.parametrize(("mav_autopilot", "name"), [(12, "PX4"), (0, "another autopilot")])
+@pytest.mark.parametrize("place", [(math.nan, math.nan), (math.nan, 8.5), (47.0, math.nan)])
+@pytest.mark.parametrize(("command", "label"), [(21, "NAV_LAND"), (16, "NAV_WAYPOINT")])
+def test_an_autopilot_that_has_no_place_of_its_own_for_an_item_is_told_one(
+    mav_autopilot, name, place, command, label
+):
+    """PX4 takes INT32_MAX for a latitude of 214.7 degrees."""
+    bench = Bench(mav_autopilot=mav_autopilot)
+    item = MissionItem(command, (0.0, 0.0, 0.0, 0.0, *place, 0.0))
+    text = f"item 1: {name} needs a latitude and a longitude for {label}"
+    with pytest.raises(ValueError, match=f"^{text}$"):
+        bench.commands.start("mission_upload", [*ITEMS[:1], item])
+    assert bench.heard("MISSION_COUNT") == []
+
+
+@pytest.mark.parametrize(("mav_autopilot", "x"), [(3, 0), (12, 2**31 - 1), (0, 2**31 - 1)])
+@pytest.mark.parametrize(("command", "frame"), [(2000, 2), (20, 3)])
+def test_an_item_that_is_nowhere_is_sent_without_a_place(mav_autopilot, x, command, frame):
+    """INT32_MAX is none."""
+    bench = Bench(mav_autopilot=mav_autopilot)
+    item = MissionItem(command, (0.0, 0.0, 1.0, 0.0, math.nan, math.nan, 0.0), frame)
+    assert bench.run("mission_upload", [*ITEMS[:1], item]).value == 2
+    last = bench.autopilot.items[0][-1]
+    assert (last.command, last.x, last.y) == (command, x, x)
 
 
 @pytest.mark.parametrize("none", [2**31 - 1, -(2**31)])

@@ -51,6 +51,7 @@ def read(bench, path):
     bench.commands.begin(reading, on_done=(ends := []).append)
     while not ends:
         bench.step()
+    bench.step()  # what is said at the end arrives
     return ends[0]
 
 
@@ -89,6 +90,99 @@ def test_the_first_answer_to_a_second_file_is_not_the_last_one_to_the_first():
     bench = Bench(KeepingAutopilot(PARAMETERS))
     assert read(bench, "nothing.txt").reason == "nothing.txt: no such file"
     assert read(bench, PACKED_PARAMETERS).value == bench.autopilot.file
+
+
+CONTENT = _VALUES.bytes(5000)
+PATH = "log.bin"
+
+
+class FileKeeper(KeepingAutopilot):
+    """It has one more file, and of its answers about files some do not arrive, or arrive late.
+
+    Args:
+        length: of the file, bytes; all of ``CONTENT`` if not given.
+        unheard: which answers do not arrive, from 0.
+        delay_steps: of all that it says.
+    """
+
+    def __init__(self, length=None, unheard=(), delay_steps=0):
+        super().__init__(PARAMETERS)
+        self.files[PATH] = CONTENT[:length]
+        self._unheard, self._delay_steps = unheard, delay_steps
+        self._answers = 0
+        self._on_the_way = []
+
+    def say(self, message):
+        if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+            self._answers += 1
+            if self._answers - 1 in self._unheard:
+                return
+        self._on_the_way.append((self._time + self._delay_steps, message))
+        self._arrive()
+
+    def step(self):
+        super().step()
+        self._arrive()
+
+    def _arrive(self):
+        while self._on_the_way and self._on_the_way[0][0] <= self._time:
+            super().say(self._on_the_way.pop(0)[1])
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("length", [600, 640])
+@pytest.mark.parametrize("unheard", [{8}, {9}, {8, 9}, {3, 8, 9}, {7, 8}, {8, 10}])
+def test_a_file_is_whole_whose_last_piece_or_its_end_is_lost(unheard, length, told):
+    """Its opening is answer 0, its pieces are 1 to 8, and 9 says that it ends."""
+    bench = Bench(FileKeeper(length, unheard))
+    bench.autopilot.sizes[PATH] = length if told else 0
+    result = read(bench, PATH)
+    assert (result.outcome, result.value) == (Outcome.REACHED, CONTENT[:length])
+    assert bench.now_ns < 4e9
+    assert asked_of_files(bench)[-1][0] == 1
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
+def test_a_file_that_was_read_is_whole_however_much_is_lost(loss):
+    for seed in range(100):
+        bench = Bench(FileKeeper(), drop=loss, seed=2 * seed)
+        bench.autopilot.sizes[PATH] = 0
+        result = read(bench, PATH)
+        assert result.value == (CONTENT if result.reached else None), seed
+        assert result.reached or loss == 0.3
+
+
+@pytest.mark.parametrize("delay_steps", [0, 5, 60, 95])
+@pytest.mark.parametrize("length", [0, 80, 600, 640, 1600, 5000])
+def test_a_file_is_read_from_afar(length, delay_steps):
+    """Its end comes behind the answer to which the next request is on its way already."""
+    bench = Bench(FileKeeper(length, delay_steps=delay_steps))
+    assert read(bench, PATH).value == CONTENT[:length]
+    opcodes = [opcode for opcode, _ in asked_of_files(bench)]
+    assert opcodes == [4, *[15] * (length // 1600 + 1 + (length % 1600 > 0)), 1]
+
+
+@pytest.mark.parametrize(
+    ("path", "size", "outcome"),
+    [
+        (PATH, 700, Outcome.REFUSED),
+        (PATH, 600, Outcome.REACHED),
+        (PATH, 500, Outcome.REACHED),
+        (PATH, 0, Outcome.REACHED),
+        ("@SYS/tasks.txt", 100_000, Outcome.REACHED),
+    ],
+)
+def test_a_file_has_the_size_that_was_told_at_least(path, size, outcome):
+    """It may have grown since; of virtual files ArduPilot tells another one."""
+    bench = Bench(FileKeeper())
+    bench.autopilot.files[path], bench.autopilot.sizes[path] = CONTENT[:600], size
+    result = read(bench, path)
+    assert result.outcome is outcome
+    if outcome is Outcome.REACHED:
+        assert result.value == CONTENT[:600]
+    else:
+        assert result.reason == "log.bin ends after 600 of 700 bytes"
+    assert asked_of_files(bench)[-1][0] == 1
 
 
 def test_gaps_are_asked_for_by_number():
