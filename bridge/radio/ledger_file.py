@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from bridge.bus.keys import MAIN
+from bridge.run.json_object import read_object
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
 from channel.routing.routed import RoutingCounts
@@ -94,15 +95,7 @@ def read_ledger(path: Path) -> dict[str, Any]:
         OSError: it cannot be read.
         ValueError: it is damaged.
     """
-    if not path.exists():
-        return {}
-    try:
-        content = json.loads(path.read_text(encoding="ascii"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: damaged: {error}") from error
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: damaged: it has no counters")
-    return content
+    return read_object(path, "damaged") if path.exists() else {}
 
 
 def judged_in(books: Sequence[Books]) -> dict[str, list[dict[str, Any]]]:

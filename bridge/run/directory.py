@@ -20,6 +20,7 @@ from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
 from bridge.run.carried import with_radios_carried, with_radios_placed
+from bridge.run.json_object import read_object
 from bridge.scenario.document.files import Find, files_placed
 from bridge.scenario.model import Scenario
 from bridge.scenario.recorded import read_recorded
@@ -208,15 +209,7 @@ class RunDirectory:
             OSError, ValueError: the file cannot be read or is not ours.
         """
         file = self.path / SUMMARY_FILE
-        if not file.exists():
-            return {}
-        try:
-            content = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"{file}: not a summary: {error}") from error
-        if not isinstance(content, dict):
-            raise ValueError(f"{file}: not a summary: a JSON object is expected")
-        return content
+        return read_object(file, "not a summary") if file.exists() else {}
 
 
 def live_runs(parent: Path) -> list[RunInfo]:

@@ -14,6 +14,7 @@ from bridge.record.events import AGENT_BLOCKED, WHOSE, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
+from bridge.run.json_object import read_object
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
@@ -128,8 +129,7 @@ def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
     file = run.path / LEDGER
     if ending in UNJUDGED and not file.exists():
         return {"links": _recorded_links(run), "bins": [], "refused": {}, "checks": [], "unjudged": []}
-    ledger: dict[str, Any] = json.loads(file.read_text(encoding="ascii"))
-    return ledger
+    return read_object(file, "damaged")
 
 
 def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
