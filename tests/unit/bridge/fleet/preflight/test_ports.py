@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -19,6 +19,7 @@ name: served
 duration_s: 10
 origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690}}
 radio: sik-433
+ports: {{zenoh: 0, first_slot: {slot}}}
 nodes:
   - {{id: 0, modems: {{main: {{serial: 1}}}}, agent: {{type: still}}}}
   - {{id: gcs, kind: ground, modems: {{main: {{serve: ["{kind}::{port}"]}}}}, agent: {{type: still}}}}
@@ -26,7 +27,9 @@ nodes:
 
 
 @pytest.fixture(params=["tcpin", "udpin"])
-def taken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Scenario, int]]:
+def taken(
+    request: pytest.FixtureRequest, tmp_path: Path, free_slot: Callable[[int], int]
+) -> Iterator[tuple[Scenario, int]]:
     """A scenario, and the port of its ground station's modem, which somebody else has."""
     kind = socket.SOCK_STREAM if request.param == "tcpin" else socket.SOCK_DGRAM
     with socket.socket(type=kind) as other:
@@ -34,10 +37,8 @@ def taken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Scen
         if kind == socket.SOCK_STREAM:
             other.listen()
         port = other.getsockname()[1]
-        yield (
-            parse_scenario(SCENARIO.format(kind=request.param, port=port), "scenario", tmp_path, {}),
-            port,
-        )
+        text = SCENARIO.format(kind=request.param, port=port, slot=free_slot(1))
+        yield parse_scenario(text, "scenario", tmp_path, {}), port
 
 
 def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, int]) -> None:

@@ -17,6 +17,7 @@ from bridge.fleet.preflight import locks, slots
 from bridge.fleet.preflight.slots import FIRST_SLOT, at_free_ports, at_own_or_free_ports, at_own_ports
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
+from bridge.scenario.sections import Ports
 
 APS = 6765
 """Not where other tests' runs are."""
@@ -33,6 +34,7 @@ HOLDER = """
 import sys
 from bridge.fleet.preflight import slots
 from bridge.scenario.model import Scenario
+from bridge.scenario.sections import Ports
 slots.NAME = sys.argv[1]
 with slots.at_free_ports(Scenario.from_yaml(sys.argv[2])) as placed:
     print(placed.ports.first_slot, flush=True)
@@ -123,6 +125,28 @@ def test_ports_of_a_run_that_has_not_bound_them_yet_are_told_as_in_use() -> None
     )
     with at_own_ports(other) as placed:
         assert placed is other
+
+
+def test_a_port_that_is_an_autopilots_here_and_a_servers_there_is_told_before_either_binds_it() -> None:
+    def at(slot: int, **changes: object) -> Scenario:
+        scenario = scenario_of(1).model_copy(update=changes)
+        return scenario.model_copy(update={"ports": Ports(zenoh=0, first_slot=slot)})
+
+    servers = at(1600)
+    with (
+        at_own_ports(servers),
+        pytest.raises(FleetError, match=r"^TCP port 22760 \(autopilot of UA 0\) is in use by another run: "),
+        at_own_ports(at(1700, processes="many")),
+    ):
+        pass
+    with (
+        at_own_ports(at(1500, api=True)),
+        pytest.raises(
+            FleetError, match=r"^TCP port 23760 \(MAVLink server of UA 0\) is in use by another run: "
+        ),
+        at_own_ports(at(1700)),
+    ):
+        pass
 
 
 def test_a_run_that_may_move_does_so_only_if_its_own_ports_are_taken_and_leaves_their_ground_station() -> (
