@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
@@ -36,9 +36,11 @@ class ExpectationPart(Part):
 
     Attributes:
         name: what reports call it; made of what it says unless given.
+        may_name_emitters: whether it is about where nodes are, and not about what they send, hear or log.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    may_name_emitters: ClassVar[bool] = False
 
     name: str = ""
 

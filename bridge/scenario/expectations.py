@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
@@ -18,6 +18,7 @@ from bridge.scenario.expectation_parts import (
 )
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
 from bridge.scenario.parts import Metres, Positive
+from sitl_configs.settings import refused
 
 INSTANTS = ("end", "ever", "always")
 AN_INSTANT: dict[str, Any] = {"anyOf": [{"enum": list(INSTANTS)}, {"type": "number", "minimum": 0}]}
@@ -55,6 +56,8 @@ class DeliveryExpectation(ExpectationPart):
         if self.at_least is None and self.at_most is None:
             raise ValueError("give at_least, at_most or both, a share from 0 to 1")
         check_bounds(self.at_least, self.at_most)
+        if self.to is not None and self.to == self.from_:
+            raise refused("a node sends nothing to itself", "to")
         return self
 
     @property
@@ -87,6 +90,8 @@ class PositionExpectation(ExpectationPart):
         within_m: how near.
         at: a sim time in s, ``end``, ``ever`` (at least once) or ``always``.
     """
+
+    may_name_emitters: ClassVar[bool] = True
 
     type: Literal["position"]
     node: NodeId
@@ -132,6 +137,12 @@ class AgeExpectation(ExpectationPart):
     between_s: Interval | None = None
     at_most_s: Positive
 
+    @model_validator(mode="after")
+    def _are_two(self) -> AgeExpectation:
+        if self.node == self.from_:
+            raise refused("a node sends nothing to itself", "from")
+        return self
+
     @property
     def nodes(self) -> Nodes:
         """The nodes that it names, by key."""
@@ -158,6 +169,8 @@ class SeparationExpectation(ExpectationPart):
         at_least_m, at_most_m: bounds of the distance.
     """
 
+    may_name_emitters: ClassVar[bool] = True
+
     type: Literal["separation"]
     among: Annotated[tuple[NodeId, ...] | None, Field(min_length=2)] = None
     between_s: Interval | None = None
@@ -168,6 +181,8 @@ class SeparationExpectation(ExpectationPart):
     def _has_a_bound(self) -> SeparationExpectation:
         if self.at_least_m is None and self.at_most_m is None:
             raise ValueError("give at_least_m, at_most_m or both")
+        if self.among is not None and len(set(self.among)) < len(self.among):
+            raise refused("a node is named twice", "among")
         check_bounds(self.at_least_m, self.at_most_m, "_m")
         return self
 

@@ -32,7 +32,9 @@ class Interferer(Settings):
     name: str = Field(default="interferer")
     position_ned_m: tuple[float, float, float] = Field(description="in the frame of the run")
     power_dbm: float = Field(ge=-200.0, le=200.0, description="radiated (EIRP)")
-    frequency_hz: float | None = Field(default=None, gt=0.0, description="co-channel if not given")
+    frequency_hz: float | None = Field(
+        default=None, ge=1e6, le=1e12, description="carrier, Hz; that of the radio if not given"
+    )
     bandwidth_hz: float = Field(default=1e3, gt=0.0, le=1e11, description="its power is flat within")
     duty: float = Field(default=1.0, ge=0.0, le=1.0, description="share of slots in which it transmits")
     slot_s: float = Field(default=0.01, gt=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from bridge.record.tables.schema import TableError
@@ -131,11 +132,12 @@ class _Judge:
         raise TableError(f"no such expectation: {wanted!r}")  # pragma: no cover
 
     def _delivery(self, wanted: DeliveryExpectation) -> tuple[float | None, str, bool]:
-        """Of several links, the one that is farthest beyond a bound, if one is."""
+        """Of several links, the one that is farthest beyond a bound, or nearest to one."""
         shares = self.packets.shares(wanted)
         if not shares:
             return None, "", False
-        low, high = wanted.at_least or 0.0, 1.0 if wanted.at_most is None else wanted.at_most
+        low = -inf if wanted.at_least is None else wanted.at_least
+        high = inf if wanted.at_most is None else wanted.at_most
         worst = max(shares, key=lambda share: max(low - share, share - high))
         return worst, "", low <= worst <= high
 

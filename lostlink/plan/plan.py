@@ -26,6 +26,7 @@ from lostlink.plan.load import OfferedLoad, offered_load
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.places import start_ned_m
 from lostlink.plan.reach import Reach, reach_of
+from lostlink.plan.unheard import unheard
 from lostlink.plan.validity import beyond_validity
 
 AIRTIME_MAX = 1.0
@@ -145,6 +146,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *rates_that_differ(scenario),
             *too_late(scenario),
             *held_back(scenario),
+            *unheard(scenario),
             *_at_one_home(scenario),
             *_at_one_port(scenario),
         ),

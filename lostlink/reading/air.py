@@ -262,8 +262,8 @@ def quantiles(place: NDArray[np.intp], values: Numbers, periods: int) -> Numbers
 
 
 def received_most_bits_per_s(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> Numbers:
-    """Payload that each node received in its busiest `BUSY_NS` of a run, by the time of sending, shape (nodes,)."""
+    """Payload that each node received in its busiest `BUSY_NS` of a run, by the time of arrival, shape (nodes,)."""
     came = rows.at(rows.is_delivered)
     bits = np.asarray(8.0 * payloads_of(came, capacity), dtype=np.float64)
     rx = came.columns["rx"].astype(np.int64)
-    return busiest_per_s(came.columns["sim_time_ns"], bits, rx, len(rows.nodes), end_ns)
+    return busiest_per_s(came.columns["arrived_ns"], bits, rx, len(rows.nodes), end_ns)

@@ -12,7 +12,7 @@ NS_PER_S = 1_000_000_000
 class Emission(Settings):
     """A carrier with a power, on all the time or in slots that are drawn on or off."""
 
-    frequency_hz: float = Field(gt=0.0, le=1e12, description="carrier")
+    frequency_hz: float = Field(ge=1e6, le=1e12, description="carrier, Hz: 2412 MHz are 2.412e+9")
     power_dbm: float = Field(ge=-200.0, le=200.0, description="into the antenna")
     bandwidth_hz: float = Field(default=1e3, gt=0.0, le=1e11, description="its power is flat within")
     duty: float = Field(default=1.0, ge=0.0, le=1.0, description="share of slots in which it transmits")

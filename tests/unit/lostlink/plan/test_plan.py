@@ -456,6 +456,23 @@ def test_nodes_that_an_emitter_holds_back_are_told_with_what_they_take_in() -> N
     assert ", mast (" in line
 
 
+@pytest.mark.parametrize(("carrier", "heard"), [("2.437e9", True), ("2.446e9", True), ("5.8e9", False)])
+def test_an_emitter_that_nothing_hears_is_warned_of(carrier: str, heard: bool) -> None:
+    text = JAMMED.replace("PROPAGATION", "{model: free-space}").replace("2.437e9", carrier)
+    told = [
+        line for line in plan_of(parse_scenario(text, "jammed.yaml")).warnings if "emitter jammer" in line
+    ]
+    wanted = "emitter jammer at 5800 MHz is heard by no radio and no sensor; radios are at 2437 MHz"
+    assert told == ([] if heard else [wanted])
+
+
+def test_an_emitter_that_a_sensor_hears_is_not_warned_of() -> None:
+    sensor = "sensor: {radio: wifi-2.4, band_hz: [5.7e9, 5.9e9]}, agent: {type: still}}"
+    text = JAMMED.replace("PROPAGATION", "{model: free-space}").replace("2.437e9", "5.8e9")
+    text = text.replace("agent: {type: still}}", sensor, 1)
+    assert not [line for line in plan_of(parse_scenario(text, "jammed.yaml")).warnings if "jammer" in line]
+
+
 def test_a_law_that_refuses_a_place_on_the_ground_ends_no_plan() -> None:
     """rma-av is for a base of 35 m and UA from 1.5 m on: a UA at home is lower, the mast is what it is made for."""
     refused, clamped = held("{model: rma-av}"), held("{model: rma-av, outside: clamp}")

@@ -169,6 +169,12 @@ def test_what_a_node_receives_is_payload() -> None:
     assert received_most_bits_per_s(given, capacity(IDEAL), 4 * S).tolist() == [0, 2 * 8 * 92 / 4, 0]
 
 
+def test_what_waits_is_received_when_it_arrives() -> None:
+    """Sent at once, one comes after 1 s and one after 12: never both within 10 s."""
+    given = rows({"arrived_ns": S}, {"seq": 1, "arrived_ns": 12 * S})
+    assert received_most_bits_per_s(given, capacity(IDEAL), 20 * S).tolist() == [0, 8 * 92 / 10, 0]
+
+
 @pytest.mark.parametrize(
     ("radio", "payload", "packet_s"),
     [

@@ -281,6 +281,21 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "expectations.0.among",
             "has to have at least 2 items, not 1",
         ),
+        (
+            "type: delivery, from: 0, to: 1, at_least: 0.9",
+            "type: separation, among: [0, 1, 0], at_least_m: 3",
+            22,
+            "expectations.0.among",
+            "a node is named twice",
+        ),
+        ("to: 1", "to: 0", 22, "expectations.0.to", "a node sends nothing to itself"),
+        (
+            "type: delivery, from: 0, to: 1, at_least: 0.9",
+            "type: age, node: 0, from: 0, at_most_s: 1",
+            22,
+            "expectations.0.from",
+            "a node sends nothing to itself",
+        ),
         ("to: 1", "between_s: [5]", 22, "expectations.0.between_s.1", "the list has to have more values"),
         ("seed: 1", "autopilot: ardupliot", 3, "autopilot", "did you mean ardupilot?"),
     ],
@@ -297,6 +312,41 @@ def test_a_wrong_scenario_is_refused(old: str, new: str, line: int, key: str, sa
         word in str(caught.value)
         for word in ("Input should", "Value error", "pydantic", "valid string", "constrained", "validation")
     )
+
+
+JAMMER = (
+    "  - {id: jam, kind: emitter, place: {north_m: 10}, frequency_hz: 8.6e8, power_dbm: 0}\nexpectations:"
+)
+
+
+@pytest.mark.parametrize(
+    ("expectation", "key"),
+    [
+        ("type: delivery, from: jam, at_least: 0.9", "from"),
+        ("type: age, node: jam, at_most_s: 1", "node"),
+        ("type: logged, value: x, node: jam, at_least: 1", "node"),
+        ("type: separation, among: [0, jam], at_least_m: 1", None),
+        ("type: position, node: jam, north_m: 10, east_m: 0, within_m: 1", None),
+    ],
+)
+def test_what_an_emitter_sends_or_hears_is_not_expected_but_where_it_is(
+    expectation: str, key: str | None
+) -> None:
+    text = RIGHT.replace("expectations:", JAMMER).replace(
+        "type: delivery, from: 0, to: 1, at_least: 0.9", expectation
+    )
+    if key is None:
+        assert parse_scenario(text, "mine.yaml").expectations
+        return
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, "mine.yaml")
+    said = "jam is an emitter: it exchanges no packets, and has no agent"
+    assert str(caught.value) == f"mine.yaml:23: expectations.0.{key}: {said}"
+
+
+def test_a_frequency_in_megahertz_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"nodes\.2\.frequency_hz|nodes\.jam\.frequency_hz"):
+        parse_scenario(RIGHT.replace("expectations:", JAMMER.replace("8.6e8", "860")), "mine.yaml")
 
 
 def test_what_a_program_asks_for_wrongly_is_told_without_the_validation_s_own_words() -> None:
