@@ -1,4 +1,7 @@
-"""A test of one's own algorithm, on a whole flight: `pytest examples/test_turn_back.py` (with pytest-asyncio)."""
+"""A test of one's own algorithm, on a whole flight: `pytest examples/test_turn_back.py`.
+
+It needs pytest-asyncio; and in a checkout, whose settings of pytest ask for more, what `make .venv/.dev` installs.
+"""
 
 from pathlib import Path
 

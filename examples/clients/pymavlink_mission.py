@@ -72,6 +72,9 @@ def download(link):
 
 def fly(link, last):
     """Arm, and follow the mission to its last item."""
+    if link.flightmode in ("RTL", "LAND"):  # how a flight before this one ended: a copter cannot be armed in these
+        link.set_mode("GUIDED")
+        ask(link, lambda: None, "HEARTBEAT", until=lambda _: link.flightmode == "GUIDED")
     ask(link, link.arducopter_arm, "HEARTBEAT", until=lambda _: link.motors_armed())
     say("armed in", link.flightmode)
     link.set_mode("AUTO")

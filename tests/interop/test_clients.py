@@ -69,6 +69,8 @@ async def test_mavsdk_flies_a_mission_to_its_end(served: Served, plugin: str) ->
 
 async def test_pymavlink_helpers(served: Served, tmp_path: Path) -> None:
     file = waypoint_file(served, tmp_path)
+    if not served.is_plane:  # as a flight before left it
+        await served.daemon.commands.run("mode", "RTL")
     async with program(CLIENTS / "pymavlink_mission.py", served.tcp, file) as client:
         lines = await client.ends_well()
     assert "system: 4" in lines
