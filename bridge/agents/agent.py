@@ -105,7 +105,7 @@ class Agent:
         """Record ``value`` under ``name`` with the present sim time, as `UaClient.log`."""
         self.ua.log(name, value)
 
-    def record(self, name: str, **fields: Any) -> None:
+    def record(self, name: str, /, **fields: Any) -> None:
         """Append a line of JSON with sim time and ``fields`` to ``<name>.jsonl`` in the agent's own folder."""
         self.ua.files.write(name, self.ua.sim_time_ns, fields)
 

@@ -121,6 +121,14 @@ def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:
     on_event(event)
 
 
+def _words(error: BaseException) -> str:
+    """What an error says; of a group, as TaskGroup raises it, also its first one by name."""
+    if not isinstance(error, BaseExceptionGroup):
+        return str(error)
+    first = error.exceptions[0]
+    return f"{error}: {type(first).__name__}: {_words(first)}"
+
+
 class Feeder:
     """Gives an agent its ticks, and reports what its code raises.
 
@@ -156,7 +164,7 @@ class Feeder:
         """Report what the agent's code raised, and where."""
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
-            why = ("" if error is None else str(error)) or text
+            why = ("" if error is None else _words(error)) or text
             self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
 
     def fail_in_flight(self, error: Exception) -> None:
