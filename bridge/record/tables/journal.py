@@ -151,9 +151,15 @@ class TableWriter:
 
 
 def _write_all(file: BinaryIO, data: bytes) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[file.write(view) :]
+    """All or nothing: behind half a row, as a full disk leaves it, no other would be in its place."""
+    begin, view = file.tell(), memoryview(data)
+    try:
+        while view:
+            view = view[file.write(view) :]
+    except OSError:
+        file.truncate(begin)
+        file.seek(begin)
+        raise
 
 
 def names_path(journal: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -61,6 +62,29 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     writer.close()
     writer.close()
     assert np.isnan(read(tmp_path)["snr_db"][3])
+
+
+def test_a_disk_that_is_full_for_a_while_leaves_no_half_row(tmp_path: Path) -> None:
+    writer = DeliveryWriter(tmp_path, ("0", "gcs"))
+    writer.append(1, **ROW)
+    writer.flush()
+    file = DELIVERIES.journal_path(tmp_path)
+    writer.append(3, **ROW | {"seq": np.array([8, 9, 10])})
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(
+        resource.RLIMIT_FSIZE, (file.stat().st_size + DELIVERIES.dtype.itemsize * 3 // 2, before[1])
+    )
+    try:
+        with pytest.raises(OSError, match="too large"):
+            writer.flush()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert read(tmp_path)["seq"].tolist() == [7]
+    writer.append(1, **ROW | {"seq": 11})
+    writer.close()
+    found = read(tmp_path)
+    assert found["seq"].tolist() == [7, 8, 9, 10, 11]
+    assert set(found["distance_m"].tolist()) == {123.456}
 
 
 def test_names_may_come_as_rows_do(tmp_path: Path) -> None:
