@@ -139,9 +139,9 @@ class TableWriter:
             [column, name] for column, names in self._labels.items() for name in names[self._told[column] :]
         ]
         if new:
+            with names_path(self._path).open("ab", buffering=0) as file:
+                _write_all(file, "".join(json.dumps(each) + "\n" for each in new).encode())
             self._told = {column: len(names) for column, names in self._labels.items()}
-            with names_path(self._path).open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(each) + "\n" for each in new)
 
     def close(self) -> None:
         """Flush and close; a second call does nothing."""

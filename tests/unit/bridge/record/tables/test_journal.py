@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -64,26 +66,33 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     assert np.isnan(read(tmp_path)["snr_db"][3])
 
 
-def test_a_disk_that_is_full_for_a_while_leaves_no_half_row(tmp_path: Path) -> None:
-    writer = DeliveryWriter(tmp_path, ("0", "gcs"))
+@contextmanager
+def no_file_beyond(length_bytes: int) -> Iterator[None]:
+    """What is written goes as far as that, as on a disk that becomes full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (length_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_disk_that_is_full_for_a_while_leaves_no_half_row_and_no_half_name(tmp_path: Path) -> None:
+    words = Vocabulary()
+    writer = DeliveryWriter(tmp_path, ("0", "gcs"), words)
     writer.append(1, **ROW)
     writer.flush()
     file = DELIVERIES.journal_path(tmp_path)
-    writer.append(3, **ROW | {"seq": np.array([8, 9, 10])})
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(
-        resource.RLIMIT_FSIZE, (file.stat().st_size + DELIVERIES.dtype.itemsize * 3 // 2, before[1])
-    )
-    try:
-        with pytest.raises(OSError, match="too large"):
+    writer.append(3, **ROW | {"seq": np.array([8, 9, 10]), "channel": words.places("channel", ["team"])[0]})
+    for length_bytes in (5, file.stat().st_size + DELIVERIES.dtype.itemsize * 3 // 2):
+        with no_file_beyond(length_bytes), pytest.raises(OSError, match="too large"):
             writer.flush()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert read(tmp_path)["seq"].tolist() == [7]
+        assert read(tmp_path)["seq"].tolist() == [7]
     writer.append(1, **ROW | {"seq": 11})
     writer.close()
     found = read(tmp_path)
     assert found["seq"].tolist() == [7, 8, 9, 10, 11]
+    assert found["channel"].tolist() == ["", "team", "team", "team", ""]
     assert set(found["distance_m"].tolist()) == {123.456}
 
 
