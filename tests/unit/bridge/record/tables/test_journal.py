@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +19,7 @@ from bridge.record.tables.journal import BUFFER_ROWS, LABELS_MAX, TableWriter, n
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TRUTH
 from bridge.timeouts import FLUSH_PERIOD_S
+from tests.full_disk import no_file_beyond
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 ROW: dict[str, Any] = {
@@ -64,17 +62,6 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     writer.close()
     writer.close()
     assert np.isnan(read(tmp_path)["snr_db"][3])
-
-
-@contextmanager
-def no_file_beyond(length_bytes: int) -> Iterator[None]:
-    """What is written goes as far as that, as on a disk that becomes full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (length_bytes, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_a_disk_that_is_full_for_a_while_leaves_no_half_row_and_no_half_name(tmp_path: Path) -> None:
