@@ -6,8 +6,8 @@ tick, and `asyncio.sleep`, `asyncio.timeout`, `wait_for` and timers of any code 
 
 The same inputs at the same ticks give the same interleaving. Two things of asyncio are in the way of that and mended
 here: tasks and futures hash by their address, which orders every set of them (asyncio.wait, TaskGroup) anew in each
-process; they hash by their number instead. And threads and sockets answer whenever the host lets them: they are
-refused.
+process, and tasks are named by a count over all loops of a process; they hash, and are named, by their number in the
+loop instead. And threads and sockets answer whenever the host lets them: they are refused.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ class SimTimeError(RuntimeError):
 
 
 class _NumberedTask(asyncio.Task[Any]):
-    """A task that hashes by its number in the loop."""
+    """A task that hashes by its number in the loop, and has it in its name unless it is given one."""
 
-    def __init__(self, coro: Coroutine[Any, Any, Any], *, number: int, **options: Any) -> None:
+    def __init__(
+        self, coro: Coroutine[Any, Any, Any], *, number: int, name: str | None = None, **options: Any
+    ) -> None:
         self._number = number
-        super().__init__(coro, **options)
+        super().__init__(coro, name=name or f"Task-{number}", **options)
 
     def __hash__(self) -> int:
         return self._number

@@ -158,3 +158,14 @@ def test_sets_of_tasks_and_futures_have_one_order_in_every_process() -> None:
     }
     assert len(traces) == 1
     assert "'g39'" in traces.pop()
+
+
+def test_tasks_are_named_by_their_own_loop_whatever_others_there_are() -> None:
+    async def names(_: SimLoop) -> list[str]:
+        first, named, last = (
+            asyncio.create_task(asyncio.sleep(0.05), name=name) for name in (None, "mine", None)
+        )
+        await asyncio.wait([first, named, last])
+        return [each.get_name() for each in (first, named, last)]
+
+    assert live(names) == live(names) == ["Task-1", "mine", "Task-3"]
