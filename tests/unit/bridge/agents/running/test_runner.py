@@ -418,7 +418,7 @@ def test_every_command_of_an_agent_is_one_of_the_daemons_with_its_arguments() ->
         assert set(json.loads(goal.arguments or "{}")) <= set(argument_names(verb)), verb
 
 
-@pytest.mark.parametrize("method", ["on_tick", "on_packet", "transmit_package"])
+@pytest.mark.parametrize("method", ["on_tick", "on_packet", "on_measurement", "transmit_package", "package"])
 def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Path, method: str) -> None:
     file = tmp_path / "patrol.py"
     file.write_text(
