@@ -165,7 +165,8 @@ class Feeder:
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
             why = ("" if error is None else _words(error)) or text
-            self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
+            what = "an error" if error is None else type(error).__name__
+            self.tell(f"{what} {when}" + (f": {why}" if why else ""))
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""

@@ -80,6 +80,8 @@ class SimLoop(asyncio.BaseEventLoop):
         self._sim_time_ns = 0
         self._numbers = itertools.count()
         self._raised: list[asyncio.Task[Any]] = []
+        self._pending: set[asyncio.Task[Any]] = set()
+        """asyncio's own are weak: of those that nobody else refers to some would end whenever Python collects them."""
         self._selector = _IdleSelector(wait, self._has_due_timer)
         self._clock_resolution = RESOLUTION_S
         self.set_task_factory(self._numbered_task)  # type: ignore[arg-type]
@@ -118,9 +120,11 @@ class SimLoop(asyncio.BaseEventLoop):
     ) -> _NumberedTask:
         task = _NumberedTask(coro, number=next(self._numbers), loop=loop, **options)
         task.add_done_callback(self._task_done)
+        self._pending.add(task)
         return task
 
     def _task_done(self, task: asyncio.Task[Any]) -> None:
+        self._pending.discard(task)
         if not task.cancelled() and task._log_traceback:
             self._raised.append(task)
 
