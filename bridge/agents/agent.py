@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ class Agent:
         self.config = config
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
-        self.measurements_dbm: tuple[float, ...] = ()
+        self.measurements_dbm: Sequence[float] = ()
         self._measured_dbm: deque[float] = deque(maxlen=PACKAGE_MEASUREMENTS_MAX)
         self.latest = LatestPackages(ua)
         self.rng = rng_of(ua.seed, ua.node)
@@ -131,7 +131,9 @@ class Agent:
 
         Each measurement of the node's sensor is in one package.
         """
-        measured_dbm = self.measurements_dbm or tuple(self._measured_dbm)
+        measured_dbm = (
+            tuple(self.measurements_dbm) if len(self.measurements_dbm) else tuple(self._measured_dbm)
+        )
         self._measured_dbm.clear()
         return DataPackage(
             Header.at(sim_time_ns, self.ua.node),
