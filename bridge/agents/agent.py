@@ -131,9 +131,7 @@ class Agent:
 
         Each measurement of the node's sensor is in one package.
         """
-        measured_dbm = (
-            tuple(self.measurements_dbm) if len(self.measurements_dbm) else tuple(self._measured_dbm)
-        )
+        measured_dbm = tuple(self.measurements_dbm if len(self.measurements_dbm) else self._measured_dbm)
         self._measured_dbm.clear()
         return DataPackage(
             Header.at(sim_time_ns, self.ua.node),
