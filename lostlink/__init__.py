@@ -12,7 +12,13 @@ if TYPE_CHECKING:
     from bridge.agents.agent import Agent
     from bridge.agents.beside import connect_ua
     from bridge.agents.client import UaClient
-    from bridge.agents.commands import CommandFailed, RunOver
+    from bridge.agents.commands import (
+        CommandFailed,
+        CommandInterrupted,
+        CommandRefused,
+        CommandTimedOut,
+        RunOver,
+    )
     from bridge.agents.measurements import Measurement
     from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
@@ -24,6 +30,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Agent",
     "CommandFailed",
+    "CommandInterrupted",
+    "CommandRefused",
+    "CommandTimedOut",
     "FleetError",
     "Measurement",
     "NoRun",
@@ -43,6 +52,9 @@ __all__ = [
 _PLACES = {
     "Agent": "bridge.agents.agent",
     "CommandFailed": "bridge.agents.commands",
+    "CommandInterrupted": "bridge.agents.commands",
+    "CommandRefused": "bridge.agents.commands",
+    "CommandTimedOut": "bridge.agents.commands",
     "FleetError": "bridge.fleet.course",
     "Measurement": "bridge.agents.measurements",
     "NoRun": "lostlink.reading.run",

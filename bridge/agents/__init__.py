@@ -18,15 +18,15 @@ from bridge.scenario.agents import AgentConfig, OwnAgent
 AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
 
 
-def agent_class(config: AgentConfig) -> type[Agent]:
-    """The class of the agent that a scenario asks for.
+def agent_class(config: AgentConfig, node: str = "") -> type[Agent]:
+    """The class of the agent that a scenario asks for, for a node with this id.
 
     Raises:
         AgentError: if an agent of type ``own`` cannot be found.
     """
-    return (
-        load_class(config.place, config.class_name) if isinstance(config, OwnAgent) else AGENTS[config.type]
-    )
+    if isinstance(config, OwnAgent):
+        return load_class(config.place, config.class_name, node)
+    return AGENTS[config.type]
 
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ class Agent:
         self.config = config
         self.transmit_config = transmit
         self.waypoints: tuple[Waypoint, ...] = ()
-        self.measurements_dbm: tuple[float, ...] = ()
+        self.measurements_dbm: Sequence[float] = ()
         self._measured_dbm: deque[float] = deque(maxlen=PACKAGE_MEASUREMENTS_MAX)
         self.latest = LatestPackages(ua)
         self.rng = rng_of(ua.seed, ua.node)
@@ -105,7 +105,7 @@ class Agent:
         """Record ``value`` under ``name`` with the present sim time, as `UaClient.log`."""
         self.ua.log(name, value)
 
-    def record(self, name: str, **fields: Any) -> None:
+    def record(self, name: str, /, **fields: Any) -> None:
         """Append a line of JSON with sim time and ``fields`` to ``<name>.jsonl`` in the agent's own folder."""
         self.ua.files.write(name, self.ua.sim_time_ns, fields)
 
@@ -131,7 +131,7 @@ class Agent:
 
         Each measurement of the node's sensor is in one package.
         """
-        measured_dbm = self.measurements_dbm or tuple(self._measured_dbm)
+        measured_dbm = tuple(self.measurements_dbm if len(self.measurements_dbm) else self._measured_dbm)
         self._measured_dbm.clear()
         return DataPackage(
             Header.at(sim_time_ns, self.ua.node),

@@ -291,7 +291,7 @@ async def _next_packet(session: Session, keys: Keys, node: str) -> Stamp:
 
 @asynccontextmanager
 async def connect_ua(
-    run: str | Path, node: str, *, is_sender: bool = False, access: Access | None = None
+    run: str | Path, node: str | int, *, is_sender: bool = False, access: Access | None = None
 ) -> AsyncIterator[UaClient]:
     """Join a run beside the agent of ``node``, or in place of one.
 
@@ -301,7 +301,7 @@ async def connect_ua(
 
     Args:
         run: its directory, or its name if that is in `runs/`.
-        node: id of the node.
+        node: id of the node, as text or as a number.
         is_sender: transmit as the node, whose agent in the scenario is of type ``free``. Numbers go on where the
             program before it ended: one at a time transmits as a node.
         access: what `lostlink token` printed, if the directory is not at hand; ``run`` is then not looked at.
@@ -310,7 +310,7 @@ async def connect_ua(
         PermissionError: ``is_sender``, and the node has an agent that is not ``free``.
         SessionError: if there is no such run, or it is over; the text says which.
     """
-    frames, reach = None, {}
+    node, frames, reach = str(node), None, {}
     if access is None:
         access = access_of(run, node_identity(node))
         scenario = directory_of(run).scenario

@@ -50,6 +50,8 @@ M = TypeVar("M", bound=Message)
 log = logging.getLogger("agent")
 LOGGED_MAX = 1000
 """Values that an agent may log at a tick."""
+ROUNDING_NS = 0.5
+"""Times are whole nanoseconds, but for the rounding of seconds."""
 OnPacket = Callable[[str, str, bytes, Reception], object]
 """Called with each packet: sender, channel, payload, and what the receiver knows of it."""
 LookAtStatus = Callable[[], CommunicationStatus | None]
@@ -190,6 +192,8 @@ class UaClient(Commands):
             return self.state
         if self.is_over:
             raise self._over("wait_for")
+        if timeout_s <= 0.0:
+            raise self._still_waiting()
         future: asyncio.Future[AircraftState] = asyncio.get_running_loop().create_future()
         number = next(self._awaited)
         self._waiters[number] = (condition, future, self.sim_time_ns + timeout_s * 1e9)
@@ -352,6 +356,9 @@ class UaClient(Commands):
             raise self._over(verb)
         raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
 
+    def _still_waiting(self) -> TimeoutError:
+        return TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.1f} s of sim time")
+
     def _over(self, what: str) -> RunOver:
         return RunOver(f"UA {self.node}: {what}: the run is over")
 
@@ -366,7 +373,7 @@ class UaClient(Commands):
         )
 
     def take_clock(self, sim_time_ns: int) -> None:
-        """The tick ``sim_time_ns`` has come: waits that took too long end."""
+        """The tick ``sim_time_ns`` has come."""
         if not self._has_clock:  # whoever joins a run waits from here on
             self._has_clock, passed_ns = True, sim_time_ns - self.sim_time_ns
             self._waiters = {
@@ -375,9 +382,6 @@ class UaClient(Commands):
         self.sim_time_ns = sim_time_ns
         for radio in self.radios.values():
             radio.begin()
-        for _, future, deadline_ns in tuple(self._waiters.values()):
-            if sim_time_ns > deadline_ns and not future.done():
-                future.set_exception(TimeoutError(f"still waiting at {sim_time_ns / 1e9:.1f} s of sim time"))
 
     def go_on_from(self, stamp: Stamp) -> None:
         """Another one has transmitted as the node before: its next packet has this number, and is no earlier."""
@@ -428,7 +432,13 @@ class UaClient(Commands):
                 callback(sender, channel, payload, reception)
 
     def tick(self) -> None:
-        """All that came with this tick was taken: call the callbacks; raises what they raise."""
+        """All that came with this tick was taken: end waits whose time is up, and call the callbacks.
+
+        What these raise is passed on.
+        """
+        for _, future, deadline_ns in tuple(self._waiters.values()):
+            if self.sim_time_ns > deadline_ns - ROUNDING_NS and not future.done():
+                future.set_exception(self._still_waiting())
         for callback in self._on_tick:
             callback(self.sim_time_ns)
 

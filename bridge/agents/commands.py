@@ -334,7 +334,7 @@ class Commands(ABC):
         fields: dict[str, Any] = json.loads((await self.run("message", name=name)).value)
         return fields
 
-    async def send(self, name: str, **fields: Any) -> None:
+    async def send(self, name: str, /, **fields: Any) -> None:
         """Send a MAVLink message to the autopilot; nothing is waited for."""
         await self.run("send", name=name, fields=fields)
 

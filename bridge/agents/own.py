@@ -22,13 +22,13 @@ class AgentError(ValueError):
     """There is no such agent; the text says where it was looked for."""
 
 
-def load_class(place: str, name: str) -> type[Agent]:
-    """The subclass of `Agent` called ``name`` in ``place``, a file that ends in .py or a module.
+def load_class(place: str, name: str, node: str = "") -> type[Agent]:
+    """The subclass of `Agent` called ``name`` in ``place``, a file that ends in .py or a module, for a node.
 
     Raises:
         AgentError: if there is none, or the code in ``place`` raises as it is loaded: that is then the cause.
     """
-    found = getattr(_loaded(place), name, None)
+    found = getattr(_loaded(place, node), name, None)
     if not isinstance(found, type):
         raise AgentError(f"{place} has no class {name}")
     if not issubclass(found, Agent):
@@ -45,30 +45,35 @@ def load_class(place: str, name: str) -> type[Agent]:
     return found
 
 
-def _loaded(place: str) -> ModuleType:
+def _loaded(place: str, node: str) -> ModuleType:
     try:
-        return load_module(place)
+        return load_module(place, node)
     except AgentError:
         raise
     except BaseException as error:  # somebody's own code, which may also call sys.exit
         raise AgentError(f"{type(error).__name__} while {place} is loaded: {error}") from error
 
 
-def load_module(place: str) -> ModuleType:
+def load_module(place: str, node: str = "") -> ModuleType:
     """The module in ``place``, a file that ends in .py or a module's name.
+
+    Args:
+        place: where it is.
+        node: whose agent is in it, if it is a node's: then a file's module has that in its name.
 
     Raises:
         AgentError: there is none. What its code itself raises is passed on.
     """
-    return _from_file(Path(place)) if place.endswith(".py") else _installed(place)
+    return _from_file(Path(place), node) if place.endswith(".py") else _installed(place)
 
 
-def _from_file(path: Path) -> ModuleType:
+def _from_file(path: Path, node: str) -> ModuleType:
     if not path.is_file():
         raise AgentError(f"{path}: no such file (looked from {Path.cwd()})")
     # Loaded anew for each UA, also where several share a process: what a module keeps is then that UA's own, and a run
-    # does not depend on how UA are spread over processes. (Modules that the file imports are shared.)
-    name = f"{path.stem}__{next(_numbers)}"
+    # does not depend on how UA are spread over processes. (Modules that the file imports are shared.) Nor does its
+    # name, which is in texts and pickles of its classes.
+    name = f"{path.stem}__{node or next(_numbers)}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None

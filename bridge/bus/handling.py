@@ -41,16 +41,23 @@ def handling_of(priority: int, lifetime_s: float | None, key: str) -> Handling:
         raise ValueError(f"priority={priority!r}: a whole number from -128 to 127")
     if lifetime_s is not None and not (isfinite(lifetime_s) and 0.0 <= lifetime_s <= LIFETIME_MAX_S):
         raise ValueError(f"lifetime_s={lifetime_s!r}: from 0 to {LIFETIME_MAX_S:g} s")
-    if not isinstance(key, str) or len(key.encode(errors="replace")) > KEY_MAX_BYTES:
+    if not _is_key(key):
         raise ValueError(f"key={key!r}: a text of at most {KEY_MAX_BYTES} bytes in UTF-8")
     return Handling(int(priority), None if lifetime_s is None else round(float(lifetime_s) * 1e9), key)
+
+
+def _is_key(key: object) -> bool:
+    try:
+        return isinstance(key, str) and len(key.encode()) <= KEY_MAX_BYTES
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return False
 
 
 def handling_bytes(handling: Handling) -> bytes:
     """As it travels; nothing for what is plain."""
     if handling == PLAIN:
         return b""
-    key = handling.key.encode(errors="replace")
+    key = handling.key.encode()
     lifetime_ns = -1 if handling.lifetime_ns is None else handling.lifetime_ns
     return _HEAD.pack(handling.priority, lifetime_ns, len(key)) + key
 

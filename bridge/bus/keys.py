@@ -17,7 +17,9 @@ ALL = "all"
 """Addressee of a packet that is for every other node."""
 IP = "ip"
 """Channel of the IP packets of programs that are attached to nodes (`lostlink attach`)."""
-_CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+CHUNK_MAX = 255
+"""Characters between two slashes: Zenoh has room for 64 KiB in a whole key, and breaks down at more."""
+_CHUNK = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_.-]{{0,{CHUNK_MAX - 1}}}")
 
 
 class KeyMistake(ValueError):
@@ -27,7 +29,9 @@ class KeyMistake(ValueError):
 def checked_chunk(value: str) -> str:
     """Return ``value`` if it can stand between two slashes of a key, else raise KeyMistake."""
     if not _CHUNK.fullmatch(value):
-        raise KeyMistake(f"{value!r} cannot be part of a key: use letters, digits, '_', '-' and '.'")
+        raise KeyMistake(
+            f"{value!r:.300} cannot be part of a key: use up to {CHUNK_MAX} letters, digits, '_', '-' and '.'"
+        )
     return value
 
 

@@ -109,7 +109,7 @@ class HostedNode:
                 frames=frames_of(self._scenario, self.id),
                 take_off_at_s=self._scenario.take_off_at_s,
             ),
-            lambda client: agent_class(config)(client, self._config, self._scenario.transmit),
+            lambda client: agent_class(config, self.id)(client, self._config, self._scenario.transmit),
             lambda: self.call_back(self._agent_is_idle),
             self._record.warn,
         )

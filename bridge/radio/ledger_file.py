@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from enum import StrEnum
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from bridge.bus.keys import MAIN
-from bridge.run.json_object import read_object
+from bridge.run.json_object import read_object, write_object
 from channel.medium.judge.check import Verdict
 from channel.medium.ledger import Ledger
 from channel.routing.routed import RoutingCounts
@@ -83,9 +82,7 @@ def write_ledger(
     routing = [{"radio": each.radio, **asdict(each.routing)} for each in books if each.routing is not None]
     if routing:
         content["routing"] = routing
-    partial_path = path.with_suffix(".partial")
-    partial_path.write_text(json.dumps(content, indent=1) + "\n", encoding="ascii")
-    partial_path.replace(path)
+    write_object(path, content)
 
 
 def read_ledger(path: Path) -> dict[str, Any]:

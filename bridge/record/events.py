@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.record.names import REPORT_FOLDER, as_seen_from, report_path
+from bridge.run.json_object import write_object
 
 EVENTS_MAX = 1000
 """Events (and reasons) that one process keeps; later ones are only counted, as ``events_not_kept``."""
@@ -132,7 +133,8 @@ class Report:
                 self._changed = False
                 content = self._content()
             try:
-                _write_in_one_step(self._path, json.dumps(content, indent=1) + "\n")
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                write_object(self._path, content)
             except OSError:
                 with self._lock:
                     self._changed = True
@@ -148,13 +150,6 @@ class Report:
             "events": [asdict(event) for event in self._events],
             "may_not_repeat": list(self._reasons),
         }
-
-
-def _write_in_one_step(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
 
 
 def read_reports(run: Path) -> Reports:

@@ -76,8 +76,8 @@ class StreamWriter:
         if len(payload) > PAYLOAD_MAX_BYTES:
             raise ValueError(f"{self._path}: {len(payload)} bytes; up to {PAYLOAD_MAX_BYTES} are allowed")
         self._tick_ns = tick_ns
-        self._append(_HEAD.pack(tick_ns, len(payload)))
-        self._append(payload)
+        head = _HEAD.pack(tick_ns, len(payload))
+        self._append(b"".join((head, payload)))  # at once: a full disk takes both or neither
 
     def flush(self) -> None:
         """Hand everything to the operating system, so that it is there if this process is killed."""

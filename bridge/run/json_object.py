@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,3 +26,18 @@ def read_object(file: Path, mistake: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(f"{file}: {mistake}: a JSON object is expected")
     return content
+
+
+def write_object(file: Path, content: Mapping[str, Any]) -> None:
+    """Write a file that has one JSON object: all of it, or what was there before stays.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    partial = file.with_name(file.name + ".partial")
+    try:
+        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        partial.replace(file)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise

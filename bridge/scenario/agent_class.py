@@ -10,7 +10,7 @@ import builtins
 from collections import Counter
 from collections.abc import Iterator
 
-PLAIN_METHODS = ("on_tick", "on_packet", "transmit_package")
+PLAIN_METHODS = ("on_tick", "on_packet", "on_measurement", "transmit_package", "package")
 """Methods of an agent that are called, not awaited."""
 AWAITED = "fly"
 """The one that is."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -14,7 +13,7 @@ from bridge.record.events import AGENT_BLOCKED, WHOSE, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
-from bridge.run.json_object import read_object
+from bridge.run.json_object import read_object, write_object
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.verdict import UNJUDGED, verdict_of
@@ -169,8 +168,12 @@ def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccou
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:
-    """Write `summary.json`."""
-    (run.path / SUMMARY_FILE).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    """Write `summary.json`.
+
+    Raises:
+        OSError: it cannot be written; there is none then.
+    """
+    write_object(run.path / SUMMARY_FILE, summary)
 
 
 def is_judged(row: dict[str, Any]) -> bool:

@@ -121,6 +121,14 @@ def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:
     on_event(event)
 
 
+def _words(error: BaseException) -> str:
+    """What an error says; of a group, as TaskGroup raises it, also its first one by name."""
+    if not isinstance(error, BaseExceptionGroup):
+        return str(error)
+    first = error.exceptions[0]
+    return f"{error}: {type(first).__name__}: {_words(first)}"
+
+
 class Feeder:
     """Gives an agent its ticks, and reports what its code raises.
 
@@ -156,8 +164,9 @@ class Feeder:
         """Report what the agent's code raised, and where."""
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
-            why = ("" if error is None else str(error)) or text
-            self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
+            why = ("" if error is None else _words(error)) or text
+            what = "an error" if error is None else type(error).__name__
+            self.tell(f"{what} {when}" + (f": {why}" if why else ""))
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""

@@ -141,6 +141,7 @@ class AgentRunner:
         finally:
             if self._busy:
                 self._on_idle()
+            self.ua.files.close()  # all of its tasks have ended
 
     def _fail_in_thread(self, error: BaseException) -> None:
         if not self._stopping:
@@ -165,7 +166,6 @@ class AgentRunner:
         if self._flight is not None:
             self._flight.cancel()
         self.ua.report("is stopped")
-        self.ua.files.close()
 
     async def _fly(self) -> None:
         try:

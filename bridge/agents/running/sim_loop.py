@@ -6,8 +6,8 @@ tick, and `asyncio.sleep`, `asyncio.timeout`, `wait_for` and timers of any code 
 
 The same inputs at the same ticks give the same interleaving. Two things of asyncio are in the way of that and mended
 here: tasks and futures hash by their address, which orders every set of them (asyncio.wait, TaskGroup) anew in each
-process; they hash by their number instead. And threads and sockets answer whenever the host lets them: they are
-refused.
+process, and tasks are named by a count over all loops of a process; they hash, and are named, by their number in the
+loop instead. And threads and sockets answer whenever the host lets them: they are refused.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ class SimTimeError(RuntimeError):
 
 
 class _NumberedTask(asyncio.Task[Any]):
-    """A task that hashes by its number in the loop."""
+    """A task that hashes by its number in the loop, and has it in its name unless it is given one."""
 
-    def __init__(self, coro: Coroutine[Any, Any, Any], *, number: int, **options: Any) -> None:
+    def __init__(
+        self, coro: Coroutine[Any, Any, Any], *, number: int, name: str | None = None, **options: Any
+    ) -> None:
         self._number = number
-        super().__init__(coro, **options)
+        super().__init__(coro, name=name or f"Task-{number}", **options)
 
     def __hash__(self) -> int:
         return self._number
@@ -78,6 +80,8 @@ class SimLoop(asyncio.BaseEventLoop):
         self._sim_time_ns = 0
         self._numbers = itertools.count()
         self._raised: list[asyncio.Task[Any]] = []
+        self._pending: set[asyncio.Task[Any]] = set()
+        """asyncio's own are weak: of those that nobody else refers to some would end whenever Python collects them."""
         self._selector = _IdleSelector(wait, self._has_due_timer)
         self._clock_resolution = RESOLUTION_S
         self.set_task_factory(self._numbered_task)  # type: ignore[arg-type]
@@ -116,9 +120,11 @@ class SimLoop(asyncio.BaseEventLoop):
     ) -> _NumberedTask:
         task = _NumberedTask(coro, number=next(self._numbers), loop=loop, **options)
         task.add_done_callback(self._task_done)
+        self._pending.add(task)
         return task
 
     def _task_done(self, task: asyncio.Task[Any]) -> None:
+        self._pending.discard(task)
         if not task.cancelled() and task._log_traceback:
             self._raised.append(task)
 

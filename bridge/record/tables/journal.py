@@ -79,7 +79,8 @@ class TableWriter:
             "labels": {name: list(names) for name, names in labels.items()},
         }
         text = json.dumps(header).encode()
-        _write_all(self._file, MAGIC + _LENGTH.pack(len(text)) + text)
+        head = MAGIC + _LENGTH.pack(len(text)) + text
+        _write_all(self._file, head, len(head))
 
     def append(self, rows: int, **columns: ArrayLike) -> None:
         """Append so many rows; they are on disk after `flush` or `close`.
@@ -130,8 +131,13 @@ class TableWriter:
             column = self._columns[name][: self._filled]
             column[:] = np.rint(column * steps_per_unit) / steps_per_unit + 0.0  # a zero has no sign
         self._tell_names()
-        _write_all(self._file, self._rows[: self._filled].tobytes())
-        self._filled = 0
+        begin, row_bytes = self._file.tell(), self._rows.itemsize
+        try:
+            _write_all(self._file, self._rows[: self._filled].tobytes(), row_bytes)
+        finally:
+            written = (self._file.tell() - begin) // row_bytes
+            self._rows[: self._filled - written] = self._rows[written : self._filled].copy()
+            self._filled -= written
 
     def _tell_names(self) -> None:
         """Write down the names that were added since."""
@@ -139,9 +145,10 @@ class TableWriter:
             [column, name] for column, names in self._labels.items() for name in names[self._told[column] :]
         ]
         if new:
+            text = "".join(json.dumps(each) + "\n" for each in new).encode()
+            with names_path(self._path).open("ab", buffering=0) as file:
+                _write_all(file, text, len(text))
             self._told = {column: len(names) for column, names in self._labels.items()}
-            with names_path(self._path).open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(each) + "\n" for each in new)
 
     def close(self) -> None:
         """Flush and close; a second call does nothing."""
@@ -150,10 +157,20 @@ class TableWriter:
             self._file.close()
 
 
-def _write_all(file: BinaryIO, data: bytes) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[file.write(view) :]
+def _write_all(file: BinaryIO, data: bytes, unit_bytes: int) -> None:
+    """All of it; of what finds no room on the disk whole units: behind half a row no other would be in its place.
+
+    Raises:
+        OSError: it cannot be written; the file ends, and stands, behind the last unit.
+    """
+    begin, view = file.tell(), memoryview(data)
+    try:
+        while view:
+            view = view[file.write(view) :]
+    except OSError:
+        written_bytes = len(data) - len(view)
+        file.truncate(file.seek(begin + written_bytes - written_bytes % unit_bytes))
+        raise
 
 
 def names_path(journal: Path) -> Path:

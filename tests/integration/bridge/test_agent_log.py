@@ -87,13 +87,13 @@ class Logger(Agent):
 """
 TOLD = {
     "log": "log('x'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
-    "log_name": "'a\\ud83d' cannot be part of a key: use letters, digits, '_', '-' and '.'",
+    "log_name": "'a\\ud83d' cannot be part of a key: use up to 255 letters, digits, '_', '-' and '.'",
     "log_mapping": "log('x.a'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
     "report": "report: 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
     "report_number": "report: 5 is no text",
     "mode": "mode: mode: 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
     "message": 'message: arguments: \'{"name": "a\\ud83d"}\' is no text in UTF-8: surrogates not allowed',
-    "verb": "'a\\ud83d' cannot be part of a key: use letters, digits, '_', '-' and '.'",
+    "verb": "'a\\ud83d' cannot be part of a key: use up to 255 letters, digits, '_', '-' and '.'",
     "transmit": "transmit: a payload of type str; allowed is bytes or a message",
 }
 
@@ -134,7 +134,7 @@ def test_what_is_no_text_is_the_callers_mistake_on_board_and_beside(
     run.wait_for("sim time")
 
     async def beside() -> dict[str, str]:
-        async with connect_ua(run.directory, "1") as ua:
+        async with connect_ua(run.directory, 1) as ua:
             return await what_is_told(ua)
 
     assert asyncio.run(beside()) == TOLD

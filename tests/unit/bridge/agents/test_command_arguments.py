@@ -61,3 +61,11 @@ async def test_a_frame_that_is_none_is_told_with_all_that_there_are() -> None:
 async def test_a_whole_number_that_no_float_can_hold_is_told_by_its_name() -> None:
     with pytest.raises(ValueError, match="goto: lat_deg is more than a number can be: 1000"):
         await Noted().goto(10**400, 8.0, 20.0)
+
+
+async def test_a_message_may_have_a_field_called_name() -> None:
+    ua = Noted()
+    await ua.send("NAMED_VALUE_FLOAT", time_boot_ms=0, name="x", value=1.0)
+    assert json.loads(ua.goals[0].arguments) == {
+        "name": "NAMED_VALUE_FLOAT", "fields": {"time_boot_ms": 0, "name": "x", "value": 1.0}
+    }  # fmt: skip

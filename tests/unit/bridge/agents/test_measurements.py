@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
 from bridge.agents.agent import Agent
 from bridge.agents.client import UaClient
 from bridge.agents.measurements import Measurement, SensorMemory
-from bridge.bus.messages import AircraftState, DataPackage, Header, decode
+from bridge.bus.messages import AircraftState, DataPackage, Header, decode, encode
 from bridge.scenario.sections import Transmit
 from channel.presets import load_radio
 from channel.sensing.sensor import Sensor, SensorConfig
@@ -83,7 +88,8 @@ def test_each_measurement_is_in_one_data_package() -> None:
     assert packages == [(), (-50.0, -60.0, -51.0), (-52.0,)]
 
 
-def test_an_agent_may_say_itself_what_it_measured() -> None:
+@pytest.mark.parametrize("said", [(-1.0, 0.0), [-1.0, 0.0], np.array([-1.0, 0.0])])
+def test_an_agent_may_say_itself_what_it_measured(said: Sequence[float]) -> None:
     agent, _ = lived({1: [at(0, -50.0)]}, last=0)
-    agent.measurements_dbm = (-1.0,)
-    assert agent.package(0).received_power_dbm == (-1.0,)
+    agent.measurements_dbm = said
+    assert decode(encode(agent.package(0)), DataPackage).received_power_dbm == (-1.0, 0.0)

@@ -79,6 +79,11 @@ def test_each_ua_has_its_own_module_of_the_same_file(agent_file: Path) -> None:
     assert second.value == 5  # type: ignore[attr-defined]
 
 
+def test_the_module_of_a_nodes_agent_has_its_name_whatever_was_loaded_before(agent_file: Path) -> None:
+    names = [load_class(str(agent_file), "Own", node).__module__ for node in ("0", "gcs", "0")]
+    assert names == [f"{agent_file.stem}__{node}" for node in ("0", "gcs", "0")]
+
+
 def test_missing_module_is_named() -> None:
     with pytest.raises(AgentError, match=r"no module nowhere\.to_be_found"):
         load_class("nowhere.to_be_found", "Own")

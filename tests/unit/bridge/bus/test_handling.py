@@ -58,6 +58,7 @@ def test_a_key_that_is_no_text_is_refused() -> None:
         ((200, None, ""), "priority=200"),
         ((0, -1.0, ""), "lifetime_s=-1.0"),
         ((0, None, "é" * 200), "at most 255 bytes"),
+        ((0, None, "a\ud83d"), "in UTF-8"),
     ],
 )
 def test_what_cannot_be_is_the_callers_mistake(asked: tuple[int, float | None, str], words: str) -> None:

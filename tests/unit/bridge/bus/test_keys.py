@@ -29,7 +29,11 @@ def test_keys_parse_back() -> None:
     assert KEYS.last_chunk(KEYS.truth("7")) == "7"
 
 
-@pytest.mark.parametrize("bad", ["", "a/b", "*", "a b", "@x", "-a"])
+@pytest.mark.parametrize("bad", ["", "a/b", "*", "a b", "@x", "-a", "a" * 256])
 def test_chunk_that_cannot_stand_in_a_key(bad: str) -> None:
     with pytest.raises(ValueError, match="cannot be part of a key"):
         checked_chunk(bad)
+
+
+def test_a_chunk_has_room_for_any_name_that_a_file_has() -> None:
+    assert checked_chunk("a" * 255) == "a" * 255

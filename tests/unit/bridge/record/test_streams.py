@@ -11,7 +11,10 @@ import pytest
 
 from bridge.record.packets import SentPacket, decode_packet, encode_packet
 from bridge.record.streams import (
+    BUFFER_BYTES,
+    ENTRY_HEAD_BYTES,
     PAYLOAD_MAX_BYTES,
+    START_BYTES,
     Entry,
     StreamError,
     StreamFollower,
@@ -19,6 +22,7 @@ from bridge.record.streams import (
     pack_stream,
     read_stream,
 )
+from tests.full_disk import no_file_beyond
 
 ENTRIES = [Entry(0, b""), Entry(50_000_000, b"abc"), Entry(50_000_000, b"d" * 1000)]
 
@@ -146,3 +150,15 @@ def test_a_follower_names_the_place_of_damage(tmp_path: Path) -> None:
     with pytest.raises(StreamError, match="offset 1039: tick 1 ns comes after 50000000 ns"):
         (follower := StreamFollower(path)).read(1 << 16)
     follower.close()
+
+
+def test_an_entry_that_found_no_room_is_not_there_and_those_after_it_are(tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    writer = StreamWriter(path)
+    first = bytes(BUFFER_BYTES - START_BYTES - ENTRY_HEAD_BYTES - 20)
+    writer.write(0, first)
+    with no_file_beyond(100), pytest.raises(OSError, match="too large"):
+        writer.write(50, b"x" * 50)  # its head alone would have room
+    writer.write(100, b"after")
+    writer.close()
+    assert list(read_stream(path, is_whole=True)) == [(0, first), (100, b"after")]

@@ -295,6 +295,23 @@ def test_what_an_agent_records_is_in_its_own_folder_with_sim_time(flown: list[Fl
         agent.record("../../etc", a=1)
 
 
+def test_what_an_agent_records_on_its_way_out_is_behind_what_it_recorded_before(tmp_path: Path) -> None:
+    class Scribe(Agent):
+        async def fly(self) -> None:
+            try:
+                async for now_s in self.every(0.05):
+                    self.record("seen", name="way", at_s=now_s)
+            finally:
+                self.record("seen", name="end")
+
+    agent = Flown(Scribe, folder=tmp_path)
+    agent.ticks(3)
+    agent.runner.ask_to_stop()
+    assert agent.runner.join(5.0)
+    lines = [json.loads(line) for line in (tmp_path / "seen.jsonl").read_text().splitlines()]
+    assert [line["name"] for line in lines] == ["way", "way", "way", "end"]
+
+
 class Answering:
     """What became of each command, by its verb: (outcome, value)."""
 
@@ -401,7 +418,7 @@ def test_every_command_of_an_agent_is_one_of_the_daemons_with_its_arguments() ->
         assert set(json.loads(goal.arguments or "{}")) <= set(argument_names(verb)), verb
 
 
-@pytest.mark.parametrize("method", ["on_tick", "on_packet", "transmit_package"])
+@pytest.mark.parametrize("method", ["on_tick", "on_packet", "on_measurement", "transmit_package", "package"])
 def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Path, method: str) -> None:
     file = tmp_path / "patrol.py"
     file.write_text(
@@ -514,16 +531,21 @@ def test_waits_for_states_and_their_time_outs(flown: list[Flown]) -> None:
         async def fly(self) -> None:
             await self.ua.wait_for(lambda state: state.armed)
             self.ua.transmit("armed", b"")
-            with pytest.raises(TimeoutError):
-                await self.ua.wait_for(lambda state: not state.armed, timeout_s=0.2)
-            self.ua.transmit("late", b"")
+            for timeout_s in (0.2, 0.03, 0.0, 1.1):  # 1.1e9 is a little less than 1.1 * 1e9
+                with pytest.raises(TimeoutError, match="still waiting at"):
+                    await self.ua.wait_for(lambda state: not state.armed, timeout_s=timeout_s)
+                self.ua.transmit("late", b"")
+            await self.ua.wait_for(lambda state: not state.armed, timeout_s=0.1)
+            self.ua.transmit("in_time", b"")
 
     flown.append(Flown(Waiter))
     agent = flown[0]
     agent.ticks(2)
     agent.tick(lambda ua: ua.take_state(AircraftState(armed=True)))
-    agent.ticks(8)
-    assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), ("late", 7)]
+    agent.ticks(28)
+    agent.tick(lambda ua: ua.take_state(AircraftState(armed=False)))
+    late = [("late", tick) for tick in (6, 7, 7, 29)]
+    assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), *late, ("in_time", 31)]
 
 
 class Looker(Agent):
@@ -659,6 +681,23 @@ def test_an_exception_without_a_text_is_told_by_its_name_alone(flown: list[Flown
     flown.append(Flown(Faulty))
     flown[0].tick()
     assert [status.activity for status in flown[0].outlet.reports] == ["AssertionError in flight"]
+
+
+def test_of_a_group_of_exceptions_the_first_is_told_by_name(flown: list[Flown]) -> None:
+    class Divided(Agent):
+        async def part(self) -> None:
+            raise CommandTimedOut("UA 1: goto: timed out")
+
+        async def fly(self) -> None:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self.part())
+
+    flown.append(Flown(Divided))
+    flown[0].tick()
+    assert [status.activity for status in flown[0].outlet.reports] == [
+        "ExceptionGroup in flight: unhandled errors in a TaskGroup (1 sub-exception): "
+        "CommandTimedOut: UA 1: goto: timed out"
+    ]
 
 
 def test_an_end_that_waits_for_sim_time_does_not_hang() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import math
 import subprocess
 import sys
@@ -158,3 +159,39 @@ def test_sets_of_tasks_and_futures_have_one_order_in_every_process() -> None:
     }
     assert len(traces) == 1
     assert "'g39'" in traces.pop()
+
+
+def test_tasks_are_named_by_their_own_loop_whatever_others_there_are() -> None:
+    async def names(_: SimLoop) -> list[str]:
+        first, named, last = (
+            asyncio.create_task(asyncio.sleep(0.05), name=name) for name in (None, "mine", None)
+        )
+        await asyncio.wait([first, named, last])
+        return [each.get_name() for each in (first, named, last)]
+
+    assert live(names) == live(names) == ["Task-1", "mine", "Task-3"]
+
+
+def test_a_task_that_nobody_refers_to_stays_until_it_is_done() -> None:
+    async def left_alone(_: SimLoop) -> list[str]:
+        ended: list[str] = []
+
+        async def wait_for_nothing() -> None:
+            try:
+                await asyncio.get_running_loop().create_future()
+            except asyncio.CancelledError:
+                ended.append("cancelled")
+            finally:
+                ended.append("gone")
+
+        asyncio.create_task(wait_for_nothing())  # noqa: RUF006
+        asyncio.create_task(asyncio.sleep(0.1))  # noqa: RUF006
+        await asyncio.sleep(0.2)
+        gc.collect()
+        await asyncio.sleep(0.2)
+        [pending] = asyncio.all_tasks() - {asyncio.current_task()}
+        pending.cancel()
+        await asyncio.sleep(0.2)
+        return ended
+
+    assert live(left_alone) == ["cancelled", "gone"]

@@ -19,6 +19,7 @@ from bridge.record.tables.journal import BUFFER_ROWS, LABELS_MAX, TableWriter, n
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TRUTH
 from bridge.timeouts import FLUSH_PERIOD_S
+from tests.full_disk import no_file_beyond
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 ROW: dict[str, Any] = {
@@ -61,6 +62,25 @@ def test_what_was_flushed_is_there_while_the_writer_goes_on(tmp_path: Path) -> N
     writer.close()
     writer.close()
     assert np.isnan(read(tmp_path)["snr_db"][3])
+
+
+def test_a_disk_that_is_full_for_a_while_leaves_no_half_row_and_no_half_name(tmp_path: Path) -> None:
+    words = Vocabulary()
+    writer = DeliveryWriter(tmp_path, ("0", "gcs"), words)
+    writer.append(1, **ROW)
+    writer.flush()
+    file = DELIVERIES.journal_path(tmp_path)
+    writer.append(3, **ROW | {"seq": np.array([8, 9, 10]), "channel": words.places("channel", ["team"])[0]})
+    for length_bytes, seqs in (5, [7]), (file.stat().st_size + DELIVERIES.dtype.itemsize * 3 // 2, [7, 8]):
+        with no_file_beyond(length_bytes), pytest.raises(OSError, match="too large"):
+            writer.flush()
+        assert read(tmp_path)["seq"].tolist() == seqs
+    writer.append(1, **ROW | {"seq": 11})
+    writer.close()
+    found = read(tmp_path)
+    assert found["seq"].tolist() == [7, 8, 9, 10, 11]
+    assert found["channel"].tolist() == ["", "team", "team", "team", ""]
+    assert set(found["distance_m"].tolist()) == {123.456}
 
 
 def test_names_may_come_as_rows_do(tmp_path: Path) -> None:
