@@ -72,7 +72,10 @@ def download(link):
 
 def fly(link, last):
     """Arm, and follow the mission to its last item."""
-    if link.flightmode in ("RTL", "LAND"):  # how a flight before this one ended: a copter cannot be armed in these
+    if link.flightmode in (
+        "RTL",
+        "LAND",
+    ):  # how a flight before this one ended: a copter cannot be armed in these
         link.set_mode("GUIDED")
         ask(link, lambda: None, "HEARTBEAT", until=lambda _: link.flightmode == "GUIDED")
     ask(link, link.arducopter_arm, "HEARTBEAT", until=lambda _: link.motors_armed())

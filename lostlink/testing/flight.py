@@ -7,7 +7,7 @@ import math
 import shutil
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -24,6 +24,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.flight.flight import Flight, Silent
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
+from lostlink.flight.summary import expectation_lines
 from lostlink.reading.run import Run, load_run
 from lostlink.testing.views import NS_PER_S, Columns, Place, RecordedLink, RecordedNode
 
@@ -254,6 +255,15 @@ class FleetFlight:
         self._flight.interrupt()
         self._thread.join()
 
+    def lines(self) -> Iterator[str]:
+        """Where its record is, how it ended and which expectations were not met, for people."""
+        if not self.is_over:
+            yield f"{self.path}: goes on"
+            return
+        yield f"{self.path}: {self._told()}"
+        if self._summary is not None:
+            yield from (f"  {line}" for line in expectation_lines(self._summary) if not line.startswith("ok"))
+
     def _ended(self, wanted_s: float) -> str:
         before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
         return f"the flight ended at {self.recorded_s():.2f} s{before}: {self._told()}"
@@ -336,6 +346,11 @@ class Flights:
             preflight(placed, self._dirs)
             run = RunDirectory.create(self._directory, placed.name)
             return Flight(placed, run, Silent()), held.pop_all()
+
+    def lines(self) -> Iterator[str]:
+        """Of each flight, in their order, as `FleetFlight.lines` has it."""
+        for flight in self._flights:
+            yield from flight.lines()
 
     def stop(self) -> None:
         """End all that still fly."""

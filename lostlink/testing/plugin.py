@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
+    import pluggy
+
     from lostlink.testing.flight import Flights
     from lostlink.testing.modem_link import ModemLinks
+
+FLIGHTS = pytest.StashKey["Flights"]()
+"""Of a test: its flights."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -37,8 +42,18 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flights]:
 
     said = (request.config.getoption(name) for name in ("--ardupilot-dir", "--px4-dir"))
     flights = Flights(tmp_path, AutopilotDirs(*(Path(place) if place else None for place in said)))
+    request.node.stash[FLIGHTS] = flights
     yield flights
     flights.stop()
+
+
+@pytest.hookimpl(hookwrapper=True)  # pytest 7 has no wrapper=True
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pluggy.Result[pytest.TestReport], None]:
+    """Tells of the flights of a test that failed."""
+    report = (yield).get_result()
+    flights = item.stash.get(FLIGHTS, None)
+    if report.failed and flights is not None:
+        report.sections.append(("flights", "\n".join(flights.lines())))
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "test_turn_back.py"
-OWN = """
+STILL = """
 import pytest
 
 STILL = {
@@ -18,8 +18,10 @@ STILL = {
     "radio": "moon2020",
     "nodes": [{"id": 0, "agent": {"type": "still"}}, {"id": 1, "home": {"north_m": 380}, "agent": {"type": "still"}}],
 }
-SLOTS = []
-
+"""
+OWN = (
+    STILL
+    + """
 
 @pytest.mark.parametrize("seed", [1, 1, 2])
 async def test_two_flights_at_once(fleet, seed, record_property):
@@ -50,6 +52,17 @@ async def test_too_late(fleet):
 def test_wrong(fleet):
     fleet.fly({**STILL, "radio": "moon2021"})
 """
+)
+FAILING = (
+    STILL
+    + """
+
+def test_what_is_expected(fleet):
+    near = {"type": "position", "node": 1, "north_m": 380, "east_m": 0, "within_m": 1}
+    flight = fleet.fly(STILL, changes={"expectations": [near, near | {"north_m": 385}]})
+    assert flight.result().ok
+"""
+)
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
@@ -91,3 +104,15 @@ def test_several_at_once_repeat_and_say_what_went_wrong(tmp_path):
     assert len(digests) == 3
     assert len({digest for _, seed, digest in digests if seed == "1"}) == 1
     assert len({digest for _, _, digest in digests}) == 2
+
+
+def test_a_test_that_fails_tells_where_its_flights_are_and_what_they_found(tmp_path):
+    file = tmp_path / "test_failing.py"
+    file.write_text(FAILING, encoding="utf-8")
+    done = run_pytest(file, "--basetemp", str(tmp_path / "base"))
+    [run] = (tmp_path / "base").glob("*0/*-still")
+    told = done.stdout.partition("- flights -")[2].splitlines()
+    assert told[1].startswith(f"{run}: duration; fail: 1 of 2 expectations not met"), done.stdout[-3000:]
+    near = "node 1 near 385 m N, 0 m E at the end"
+    assert told[2].startswith(f"  FAILED: {near}: wanted within 1 m, found ")
+    assert told[2].split()[-1] == "m"
