@@ -34,7 +34,8 @@ class LinkSeries:
         distance_m: between the two, of the latest packet, as the next three.
         received_power_dbm: with its random terms.
         snr_db: likewise.
-        probability: mean of 1 - PER over the last WINDOW reports: what the model gave the packets.
+        probability: mean of 1 - PER over those of the last WINDOW reports that have one: what the model gave the
+            packets; NaN if none has.
         measured: share that arrived of the packets of the last WINDOW reports; NaN if there were none.
     """
 
@@ -123,9 +124,8 @@ class LinkHistory:
         if not rows.size:
             rows = np.empty((0, len(FIGURES)))
         distance_m, power_dbm, snr_db, per, sent, delivered = rows.T
-        new, arrived = _over_window(sent), _over_window(delivered)
-        measured = np.divide(arrived, new, out=np.full_like(new, np.nan), where=new > 0)
-        mean = _over_window(np.nancumsum(1.0 - per)) / _over_window(np.arange(per.size, dtype=np.float64))
+        mean = _share(np.nancumsum(1.0 - per), np.cumsum(np.isfinite(per), dtype=np.float64))
+        measured = _share(delivered, sent)
         return LinkSeries(np.array(self._times_s), distance_m, power_dbm, snr_db, mean, measured)
 
     def by_distance(self) -> DistanceBins:
@@ -133,6 +133,12 @@ class LinkHistory:
         used = np.flatnonzero(self._bins[0])
         middle_m = np.asarray((used + 0.5) * BIN_WIDTH_M, dtype=np.float64)
         return DistanceBins(middle_m, self._bins[0, used], self._bins[1, used])
+
+
+def _share(part: Floats, whole: Floats) -> Floats:
+    """Of two counts, by how much they grew over the last WINDOW reports; NaN where the whole did not."""
+    grew = _over_window(whole)
+    return np.divide(_over_window(part), grew, out=np.full_like(grew, np.nan), where=grew > 0)
 
 
 def _over_window(count: Floats) -> Floats:

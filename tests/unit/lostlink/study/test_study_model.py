@@ -285,6 +285,14 @@ def test_a_metric_does_not_take_the_place_of_one_of_ours(tmp_path):
         own(None, (function(tmp_path, "{'delivery': 1}"),), {"delivery": 0.5})
 
 
+def test_two_functions_give_no_column_twice(tmp_path):
+    one = function(tmp_path, "{'a': 1}")
+    (tmp_path / "more.py").write_text("def other(run):\n    return {'b': 2, 'a': 3}\n", encoding="utf-8")
+    other = Function(place=str(tmp_path / "more.py"), name="other")
+    with pytest.raises(StudyError, match=r"more\.py:other: a: is a column of another function"):
+        own(None, (one, other))
+
+
 def test_a_function_that_is_not_there_is_named(tmp_path):
     missing = function(tmp_path, "{}").model_copy(update={"name": "other"})
     with pytest.raises(StudyError, match=r"own\.py:other: there is no such function"):

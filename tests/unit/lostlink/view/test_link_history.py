@@ -99,3 +99,16 @@ def test_a_report_without_links_is_one() -> None:
     history.take(Links(Header.at(0, ""), ("0", "1")))
     assert history.reports == 1
     assert history.pairs()[0].size == 0
+
+
+def test_the_model_of_a_link_is_the_mean_of_the_packets_that_have_one() -> None:
+    """A packet that never was on the air has no PER: its radio was off, or its queue full."""
+    history = LinkHistory(2)
+    for number in range(2 * WINDOW):
+        per = 0.2 if number % 2 and number < WINDOW else np.nan
+        history.take(links(0.2 * number, 50.0, per, number, 0))
+    probability = history.series(0, 1).probability
+    assert np.isnan(probability[0])
+    assert probability[1 : 2 * WINDOW - 1] == pytest.approx(0.8)
+    assert np.isnan(probability[-1])
+    assert np.isnan(history.series(1, 0).probability).all()
