@@ -30,6 +30,8 @@ from lostlink.view.page.tables import (
 )
 from lostlink.view.picture.link_history import DistanceBins, LinkHistory
 from lostlink.view.picture.logged import Series
+from lostlink.view.process import Model
+from tests.unit.lostlink.replay.flown import scenario_of
 from tests.unit.lostlink.view.fleet import (
     clock,
     emitter_at,
@@ -68,6 +70,21 @@ def test_measured_deliveries_stand_in_their_intervals_beside_the_model() -> None
     assert whiskers[3][1] < 0.4 < whiskers[4][1]
     assert curve == [[0.0, 1.0], [40.0, 0.4]]
     assert options["textStyle"]["color"] == DARK.ink
+
+
+def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
+    bins = DistanceBins(np.array([10.0]), np.array([100.0]), np.array([60.0]))
+    options = delivery_chart(bins, ModelCurve(np.empty(0), np.empty(0), shares_draws=True), LIGHT)
+    assert [series["name"] for series in options["series"]] == ["measured", "model"]
+
+
+@pytest.mark.parametrize(
+    ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
+)
+def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
+    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0)
+    assert curve.shares_draws is are_shared
+    assert curve.probability[0] > 0.9
 
 
 @pytest.mark.parametrize("nodes", [2, 50])
