@@ -297,4 +297,7 @@ def points(x: NDArray[Any], y: NDArray[Any]) -> list[list[float | None]]:
 
 
 def _short(value: float) -> float | None:
-    return round(float(value), 3) if np.isfinite(value) else None
+    """To three decimals, or three digits of what is less than 1; None for what is not finite."""
+    if not np.isfinite(value):
+        return None
+    return round(float(value), 3) if abs(value) >= 1.0 else float(f"{value:.3g}")

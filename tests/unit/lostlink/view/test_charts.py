@@ -54,6 +54,15 @@ def test_the_chart_of_a_link_has_its_newest_report() -> None:
     assert all(len(data) <= POINTS_MAX for data in by_name.values())
 
 
+def test_small_numbers_are_drawn_as_they_are() -> None:
+    """A frame of 802.11 takes half a millisecond, and what an agent logs may be smaller still."""
+    logged = Series()
+    for time_s, value in ((0.05, 4.321e-7), (3600.05, -0.000534), (3600.1, 12.3456)):
+        logged.add(time_s, value)
+    (drawn,) = logged_chart("a", [(0, "UA 0", logged)], LIGHT)["series"]
+    assert drawn["data"] == [[0.05, 4.32e-7], [3600.05, -0.000534], [3600.1, 12.346]]
+
+
 def test_the_chart_of_a_link_without_packets_is_empty() -> None:
     options = link_chart(LinkHistory(2).series(0, 1), LIGHT)
     assert [series["data"] for series in options["series"]] == [[], [], [], []]
