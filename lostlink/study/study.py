@@ -142,7 +142,7 @@ class Study:
         for function in self.content.figures:
             try:
                 self._draw(function)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 yield f"{function}: {type(error).__name__}: {error}"
 
     def _draw(self, function: Function) -> None:

@@ -23,6 +23,10 @@ def broken(table, directory):
     raise KeyError("speed")
 
 
+def ends(table, directory):
+    raise SystemExit(0)
+
+
 def drawn(table, directory):
     (directory / "drawn.txt").write_text(str(len(table)))
 """
@@ -43,7 +47,7 @@ def file(tmp_path: Path) -> Path:
     (tmp_path / "own.py").write_text(FIGURES, encoding="utf-8")
     file = tmp_path / "study.yaml"
     file.write_text(
-        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\nfigures: [own.py:broken, own.py:drawn]\n",
+        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\nfigures: [own.py:broken, own.py:ends, own.py:drawn]\n",
         encoding="utf-8",
     )
     ours = Study(file, tmp_path)
@@ -65,7 +69,8 @@ def test_a_figure_that_fails_is_told_in_a_line_after_the_table_and_the_others_ar
     done = run(file)
     assert done.exit_code == 1
     assert done.stdout.splitlines()[-1] == str(file.parent / "mine" / "metrics.parquet")
-    assert done.stderr == f"lostlink: {file.parent / 'own.py'}:broken: KeyError: 'speed'\n"
+    place = f"lostlink: {file.parent / 'own.py'}"
+    assert done.stderr == f"{place}:broken: KeyError: 'speed'\n{place}:ends: SystemExit: 0\n"
     assert (file.parent / "mine" / "drawn.txt").read_text() == "2"
 
 
