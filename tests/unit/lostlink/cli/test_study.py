@@ -47,7 +47,8 @@ def file(tmp_path: Path) -> Path:
     (tmp_path / "own.py").write_text(FIGURES, encoding="utf-8")
     file = tmp_path / "study.yaml"
     file.write_text(
-        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\nfigures: [own.py:broken, own.py:ends, own.py:drawn]\n",
+        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\n"
+        "figures: [own.py:broken, own.py:ends, own.py:drawn]\n",
         encoding="utf-8",
     )
     ours = Study(file, tmp_path)
