@@ -39,13 +39,15 @@ class PacketFinder:
         """Of the ends of each row: as recorded or, of what never was on the air, when it was transmitted."""
         columns = self._rows.columns
         found: NDArray[np.float64] = columns["distance_m"].copy()
-        [missing] = np.nonzero(np.isnan(found) & (columns["fate"] != TRANSPORT))
-        if missing.size:
+        missing = np.isnan(found) & (columns["fate"] != TRANSPORT)
+        if missing.any():
             ticks_ns, tracks = places_of(self._run, self._stations)
-            at_ns = columns["sim_time_ns"][missing]
-            ends = np.stack([places_at(ticks_ns, tracks[node], at_ns) for node in self._nodes])
-            tx, rx = (ends[columns[end][missing], np.arange(missing.size)] for end in ("tx", "rx"))
-            found[missing] = np.linalg.norm(tx - rx, axis=-1)
+            ends = np.full((2, len(found), 3), np.nan)
+            for place, column in zip(ends, (columns["tx"], columns["rx"]), strict=True):
+                for number, node in enumerate(self._nodes):
+                    rows = missing & (column == number)
+                    place[rows] = places_at(ticks_ns, tracks[node], columns["sim_time_ns"][rows])
+            found[missing] = np.linalg.norm(ends[0] - ends[1], axis=1)[missing]
         return found
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
