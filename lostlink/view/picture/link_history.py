@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bridge.bus.messages import Links
 
@@ -68,6 +68,8 @@ class LinkHistory:
         self._reports: list[NDArray[np.float32]] = []
         self._limit = max(REPORTS_MIN, min(REPORTS_MAX, VALUES_MAX // max(1, self._latest.size)))
         self._every, self._skipped = 1, 0
+        self._distance_m = np.full((nodes, nodes), np.nan, dtype=np.float32)
+        """[tx, rx]: of the latest packet that had one."""
         self._bins: Floats = np.zeros((2, 1))
         self.reports = 0
         """How many there have been."""
@@ -81,8 +83,18 @@ class LinkHistory:
         self.reports += 1
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
         self.probability[tx, rx] = np.where(np.isnan(old), new, old + SMOOTH * (new - old))
-        self._count(self._latest[0, tx, rx], np.nan_to_num(before), self._latest[4:, tx, rx])
+        self._count(self._places(tx, rx, links.radio_off), np.nan_to_num(before), self._latest[4:, tx, rx])
         self._keep(links.header.stamp.ns / 1e9)
+
+    def _places(
+        self, tx: NDArray[np.intp], rx: NDArray[np.intp], radios_off: ArrayLike
+    ) -> NDArray[np.float32]:
+        """At which distances links are: where they were last, if the latest packet never was on the air; NaN if off."""
+        latest_m = self._latest[0, tx, rx]
+        known = np.isfinite(latest_m)
+        self._distance_m[tx[known], rx[known]] = latest_m[known]
+        is_off = np.isin(tx, radios_off) | np.isin(rx, radios_off)
+        return np.where(is_off, np.float32(np.nan), self._distance_m[tx, rx])
 
     def _count(
         self, distance_m: NDArray[np.float32], before: NDArray[np.float32], now: NDArray[np.float32]
