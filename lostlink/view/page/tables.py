@@ -217,9 +217,14 @@ def link_words(view: FleetView, tx: int, rx: int, way: Sequence[int] = ()) -> st
     if silent:
         off = f"radio of {' and of '.join(silent)} off"
         return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
+    figures = (
+        f"{distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
+        f"{view.links.probability[tx, rx]:.2f}"
+        if np.isfinite(distance_m)
+        else "its latest packet never was on the air"
+    )
     return (
-        f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
-        f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
+        f"{names}: {figures}; {delivered:.0f} of {sent:.0f} packets delivered"
         f"{f', the latest after {late} s' if late else ''}{_by_way_of(view, way)}"
     )
 

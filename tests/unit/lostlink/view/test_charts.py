@@ -155,6 +155,14 @@ def test_a_link_in_words() -> None:
     )
 
 
+def test_a_link_whose_latest_packet_found_no_room_in_words() -> None:
+    view = view_of_two()
+    view.take(links(1.0, np.nan, np.nan, 40, 30))
+    assert link_words(view, 0, 1) == (
+        "UA 0 to node gcs: its latest packet never was on the air; 30 of 40 packets delivered"
+    )
+
+
 def test_who_handed_a_packet_on_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, 123.4, 0.25, 40, 30))
