@@ -27,6 +27,8 @@ from lostlink.view.page.tables import (
     logged_rows,
     loss_rows,
     losses_words,
+    status_words,
+    time_words,
 )
 from lostlink.view.picture.link_history import DistanceBins, LinkHistory
 from lostlink.view.picture.logged import Series
@@ -161,6 +163,22 @@ def test_a_link_whose_latest_packet_found_no_room_in_words() -> None:
     assert link_words(view, 0, 1) == (
         "UA 0 to node gcs: its latest packet never was on the air; 30 of 40 packets delivered"
     )
+
+
+def test_how_time_goes_in_words() -> None:
+    view = view_of_two()
+    assert status_words(view, is_record=False) == "waits for the first tick"
+    view.take(replace(clock(12.34), speed=2.0, real_time_factor=1.96, stalled=("0",)))
+    assert time_words(view, is_record=False) == "12.3 s of sim time, 2.0 x real time"
+    assert status_words(view, is_record=False) == "running; not waited for: 0"
+    assert status_words(view, is_record=True) == "record, played 2 x"
+    view.take(replace(clock(12.4), speed=np.inf, real_time_factor=np.inf))
+    assert time_words(view, is_record=True) == "12.4 s of sim time"
+    assert status_words(view, is_record=True) == "record, played as fast as possible"
+    view.take(replace(clock(12.4), paused=True))
+    assert status_words(view, is_record=True) == "record, paused"
+    view.end()
+    assert status_words(view, is_record=False) == "over"
 
 
 def test_who_handed_a_packet_on_in_words() -> None:
