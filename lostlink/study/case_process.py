@@ -137,8 +137,8 @@ def is_done(directory: Path, measures: str, labels: Collection[str]) -> bool:
 
 
 def write_whole(path: Path, content: object) -> None:
-    """A JSON file that is there as a whole or not at all, whatever ends this process."""
-    part = path.with_suffix(".part")
+    """A JSON file that is there as a whole or not at all, whatever ends this process, and whoever else writes it."""
+    part = path.with_suffix(f".{os.getpid()}.part")
     part.write_text(json.dumps(content), encoding="utf-8")
     part.replace(path)
 

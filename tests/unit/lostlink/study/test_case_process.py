@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,3 +66,15 @@ def test_a_metric_called_as_what_varies_is_refused(tmp_path: Path) -> None:
         "own.py:measure: radio: is a column of the study's own: give it another name"
     )
     assert "radio" not in result["metrics"]
+
+
+def test_two_studies_at_once_write_a_plan_each_as_a_whole(tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom lostlink.study.case_process import write_whole\n"
+        "for _ in range(1000):\n    write_whole(Path(sys.argv[1]), sys.argv[2] * 5000)\n"
+    )
+    file = tmp_path / "plan.json"
+    writers = [subprocess.Popen([sys.executable, "-c", code, str(file), text]) for text in "ab"]
+    assert [writer.wait(60.0) for writer in writers] == [0, 0]
+    assert set(json.loads(file.read_text(encoding="utf-8"))) in ({"a"}, {"b"})
+    assert list(tmp_path.iterdir()) == [file]
