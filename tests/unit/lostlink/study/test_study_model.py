@@ -102,6 +102,17 @@ def test_numbers_that_vary_come_back_as_numbers(tmp_path):
     assert table["zenoh"] == [True] * 4
 
 
+def test_numbers_and_truth_values_that_vary_together_come_back_as_text(tmp_path):
+    gain = AGENT.replace("    pass\n", "    async def fly(self):\n        self.gain = self.options['gain']\n")
+    (tmp_path / "mine.py").write_text(gain, encoding="utf-8")
+    runs = cases(
+        tmp_path,
+        "set: {nodes.0.agent: {type: own, class: mine.py:Mine}}\nvary: {nodes.0.agent.options.gain: [false, 0.5]}\n",
+    )
+    assert [run.labels["nodes.0.agent.options.gain"] for run in runs] == ["False", "0.5"]
+    write_table([run.labels for run in runs], tmp_path / "table.parquet")
+
+
 def test_a_run_is_called_what_its_scenario_is_called(tmp_path):
     (tmp_path / "mine.yaml").write_text("schema: 1\nextends: separation\nname: far-apart\n")
     (tmp_path / "other.yaml").write_text("schema: 1\nextends: separation\n")
