@@ -220,8 +220,8 @@ class RecordedLink:
         ours &= (rows["sim_time_ns"] >= from_s * NS_PER_S) & (rows["sim_time_ns"] < to_s * NS_PER_S)
         if min_m > 0.0 or max_m < np.inf:
             self._extent.reach(to_s, "truth")
-            distance_m = self._distance_m(rows)
-            ours &= (distance_m >= min_m) & (distance_m < max_m)
+            distance_m = self._distance_m({name: column[ours] for name, column in rows.items()})
+            ours[ours] = (distance_m >= min_m) & (distance_m < max_m)
         return {name: column[ours] for name, column in rows.items()}
 
     def _distance_m(self, rows: Columns) -> NDArray[np.float64]:
