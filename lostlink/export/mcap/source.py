@@ -77,7 +77,7 @@ class Thinning:
     """Which of a topic's messages are written: the first of each period."""
 
     def __init__(self, rate_hz: float | None) -> None:
-        self._period_ns = round(1e9 / rate_hz) if rate_hz else 0
+        self._period_ns = min(round(1e9 / rate_hz), FOREVER_NS) if rate_hz else 0
         self._last = -1
 
     def chosen(self, times_ns: NDArray[np.int64]) -> NDArray[np.intp]:

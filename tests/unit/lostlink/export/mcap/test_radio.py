@@ -73,3 +73,9 @@ def test_the_last_links_have_the_counts_of_the_whole_run(tmp_path: Path, ticks: 
     assert list(last.sent) == whole["sent"].tolist()
     assert list(last.delivered) == whole["delivered"].tolist()
     assert len(read.messages["/links"]) == -(-ticks // 10) + (ticks % 10 != 1)
+
+
+def test_a_rate_that_is_next_to_none_leaves_the_first_message(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 30)
+    counts = write_mcap(run, tmp_path / "run.mcap", McapSettings(rates_hz={"truth": 1e-12, "packets": 1e-12}))
+    assert (counts["/ua_0/truth"], counts["/ua_0/packets"]) == (1, 1)
