@@ -12,6 +12,7 @@ from bridge.record.tables.deliveries import TRANSPORT
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import sawtooth
+from lostlink.reading.places import places_at, places_of
 from lostlink.reading.rows import DeliveryRows, link_rows
 
 DECIMALS_S = 9
@@ -27,11 +28,27 @@ class PacketFinder:
     """
 
     def __init__(self, run: Path, scenario: Scenario) -> None:
-        self._run, self._nodes = run, scenario.transceiver_ids
+        self._run, self._nodes, self._stations = run, scenario.transceiver_ids, scenario.stations
 
     @cached_property
     def _rows(self) -> DeliveryRows:
         return link_rows(self._run, self._nodes, ("sim_time_ns", "received_ns", "distance_m"))
+
+    @cached_property
+    def _distance_m(self) -> NDArray[np.float64]:
+        """Of the ends of each row: as recorded or, of what never was on the air, when it was transmitted."""
+        columns = self._rows.columns
+        found: NDArray[np.float64] = columns["distance_m"].copy()
+        missing = np.isnan(found) & (columns["fate"] != TRANSPORT)
+        if missing.any():
+            ticks_ns, tracks = places_of(self._run, self._stations)
+            ends = np.full((2, len(found), 3), np.nan)
+            for place, column in zip(ends, (columns["tx"], columns["rx"]), strict=True):
+                for number, node in enumerate(self._nodes):
+                    rows = missing & (column == number)
+                    place[rows] = places_at(ticks_ns, tracks[node], columns["sim_time_ns"][rows])
+            found[missing] = np.linalg.norm(ends[0] - ends[1], axis=1)[missing]
+        return found
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
         """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""
@@ -47,8 +64,7 @@ class PacketFinder:
         chosen = self._of(tx, rx) & self._between(wanted.between_s)
         if wanted.distance_m is not None:
             low, high = wanted.distance_m
-            distance_m = self._rows.columns["distance_m"]
-            chosen &= (distance_m >= low) & (distance_m <= high)
+            chosen &= (self._distance_m >= low) & (self._distance_m <= high)
         packets = self._rows.columns["packets"]
         sent = packets[chosen].sum()
         delivered = packets[chosen & self._rows.is_delivered].sum()

@@ -112,8 +112,7 @@ def _together(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of all links, one for each distance."""
     found: dict[float, dict[str, Any]] = {}
     for row in bins:
-        edges = {name: row[name] for name in ("distance_min_m", "distance_max_m", "predicted", "ci99")}
-        total = found.setdefault(row["distance_min_m"], {**edges, "sent": 0, "delivered": 0})
+        total = found.setdefault(row["distance_min_m"], {**row, "sent": 0, "delivered": 0})
         total["sent"] += row["sent"]
         total["delivered"] += row["delivered"]
     return [found[each] for each in sorted(found)]

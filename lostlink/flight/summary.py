@@ -183,7 +183,9 @@ def is_judged(row: dict[str, Any]) -> bool:
 
 def shares_draws(bins: Sequence[dict[str, Any]]) -> bool:
     """Whether packets shared what was drawn, so that no interval of independent ones holds for their ratios."""
-    return any(row["ci99"] is None and row["predicted"] is not None for row in bins)
+    return any(
+        row.get("shares_draws") or (row["ci99"] is None and row["predicted"] is not None) for row in bins
+    )
 
 
 def of_transmissions(bins: Sequence[dict[str, Any]]) -> bool:

@@ -34,6 +34,20 @@ def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[
     return truth.ticks_ns, dict(zip(nodes, places, strict=True))
 
 
+def places_at(ticks_ns: NDArray[np.int64], track: Floats, at_ns: NDArray[np.int64]) -> Floats:
+    """Where a node was at the last tick not after each instant, m, shape (n, 3); NaN before the first.
+
+    Args:
+        ticks_ns: sim times, rising, shape (ticks,).
+        track: its places then, shape (ticks, 3).
+        at_ns: instants, shape (n,).
+    """
+    found = np.full((len(at_ns), 3), np.nan)
+    tick = np.searchsorted(ticks_ns, at_ns, side="right") - 1
+    found[tick >= 0] = track[tick[tick >= 0]]
+    return found
+
+
 def separation_m(tracks: Iterable[Floats]) -> tuple[float, float]:
     """The least and the greatest distance of two tracks at one tick, m; nan if no two of them were anywhere at once.
 

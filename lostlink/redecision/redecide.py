@@ -164,13 +164,18 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         ValueError, OSError: as `redecide`.
     """
     nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
+    recorded = scenario_of(run)
+    if period_ns != recorded.tick_period_ns:
+        raise ValueError(
+            f"tick_rate_hz: {run} has {recorded.tick_rate_hz} ticks a second, and cannot be decided by others"
+        )
     before = DeliveryRows.read(run, nodes)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
     places = codes_of(nodes, scenario.groups)
     sent = [SentPackets(run, node, places) for node in nodes]
-    facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(run))
+    facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(recorded))
     packets, last_ns = _transmitted(sent, before), last_whole_ns(positions)
     if was_cut(run):
         packets = packets.at(packets.sim_time_ns <= last_ns)
@@ -205,9 +210,8 @@ class _Progress:
         self._on_progress(self._done / self._packets)
 
 
-def _ideal_networks(run: Path) -> list[str]:
-    """Those of a run on which packets took no time."""
-    scenario = scenario_of(run)
+def _ideal_networks(scenario: Scenario) -> list[str]:
+    """Those on which packets take no time."""
     media = {name: medium_settings(radios_of(scenario, (), name)) for name in scenario.network_names}
     return [name for name, settings in media.items() if not settings.takes_time]
 

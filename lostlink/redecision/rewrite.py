@@ -11,12 +11,12 @@ from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, ST
 from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import TABLES, finish_tables
 from bridge.record.tables.routes import ROUTES, RouteWriter
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import LOG_FOLDER, RunDirectory
 from lostlink.redecision.redecide import Redecision
 
 ROWS_AT_ONCE = 1 << 13
 OnProgress = Callable[[str, int], object]
-_KEPT_FOLDERS = (STREAM_FOLDER, INPUT_FOLDER, REPORT_FOLDER)
+_KEPT_FOLDERS = (STREAM_FOLDER, INPUT_FOLDER, REPORT_FOLDER, LOG_FOLDER)
 
 
 def check_is_free(directory: Path) -> None:

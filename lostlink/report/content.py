@@ -13,6 +13,7 @@ from bridge.record.names import as_seen_from
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.channel import draws_are_shared
 from bridge.scenario.resolve.radio import radio_of
 from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
@@ -68,7 +69,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns, on_air_ns(run.path))
     ways = ways_of(run.path, run.scenario.transceiver_ids)
     found |= {"routes": routes_of(rows, ways), "routing": routing_counts(run.path)}
-    bins = run.summary.get("bins") or packets.bins_of(rows)
+    bins = run.summary.get("bins") or _bins_of_table(run.scenario, rows)
     found |= {"bins": bins, "model": _model(run.scenario, bins)}
     tell("reads the true states")
     found |= tracks_of(run) | {"separation_min_m": least_separation_m(run)}
@@ -131,6 +132,14 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
         distance_m, probability = model_curve(bins, radio_of(scenario), farthest_m)
         return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}
     return None
+
+
+def _bins_of_table(scenario: Scenario, rows: DeliveryRows) -> list[dict[str, Any]]:
+    """The bins of a run without a ledger: whether packets share what is drawn is that of its radios."""
+    shared = True  # they may: a model of one's own may not be here
+    with suppress(ValueError, OSError, ChannelInputError):
+        shared = draws_are_shared(scenario)
+    return [row | {"shares_draws": shared} for row in packets.bins_of(rows)]
 
 
 def _host(run: Run, rows: DeliveryRows) -> Content:

@@ -20,7 +20,7 @@ import shutil
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -77,19 +77,21 @@ class CasePlan:
         metrics: functions of the user's own.
         keep: which runs' directories stay: ``all``, ``failed`` or ``none``.
         dirs: where real autopilots are, as far as that was said.
+        labels: columns that say which run it is.
     """
 
     scenario: str
     metrics: tuple[Function, ...]
     keep: str
     dirs: AutopilotDirs = NOT_SAID
+    labels: tuple[str, ...] = ()
 
     def write(self, directory: Path) -> None:
         """Put it where the process looks for it."""
         functions = [[one.place, one.name] for one in self.metrics]
         dirs = {name: str(said) for name, said in asdict(self.dirs).items() if said is not None}
         content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep, "dirs": dirs}
-        write_whole(directory / PLAN_FILE, content)
+        write_whole(directory / PLAN_FILE, content | {"labels": self.labels})
 
     @classmethod
     def read(cls, directory: Path) -> CasePlan:
@@ -97,7 +99,7 @@ class CasePlan:
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
         functions = tuple(Function(place=place, name=name) for place, name in content["metrics"])
         dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
-        return cls(content["scenario"], functions, content["keep"], dirs)
+        return cls(content["scenario"], functions, content["keep"], dirs, tuple(content["labels"]))
 
     @property
     def measures(self) -> str:
@@ -126,15 +128,17 @@ def read_result(directory: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-def is_done(directory: Path, measures: str) -> bool:
-    """Whether the case was flown to its end and measured by this code (`measures_of`)."""
+def is_done(directory: Path, measures: str, labels: Collection[str]) -> bool:
+    """Whether the case was flown to its end and measured by this code (`measures_of`), which took no label's place."""
     result = read_result(directory)
-    return result is not None and not result["failure"] and result["measures"] == measures
+    if result is None or result["failure"] or result["measures"] != measures:
+        return False
+    return not any(label in result["metrics"] for label in labels)
 
 
 def write_whole(path: Path, content: object) -> None:
-    """A JSON file that is there as a whole or not at all, whatever ends this process."""
-    part = path.with_suffix(".part")
+    """A JSON file that is there as a whole or not at all, whatever ends this process, and whoever else writes it."""
+    part = path.with_suffix(f".{os.getpid()}.part")
     part.write_text(json.dumps(content), encoding="utf-8")
     part.replace(path)
 
@@ -147,7 +151,7 @@ def fly_case(directory: Path) -> int:
     with (directory / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         plan = CasePlan.read(directory)
-        if is_done(directory, plan.measures):
+        if is_done(directory, plan.measures, plan.labels):
             return 0
         (directory / RESULT_FILE).unlink(missing_ok=True)
         try:
@@ -175,7 +179,9 @@ def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
         metrics = of_summary(run)
         metrics |= of_tables(run)
         timing = {key: run.summary[key] for key in ("wall_duration_s", "real_time_factor")}
-        return _result(plan, metrics | own(run, plan.metrics, metrics), timing, metrics["error"])
+        return _result(
+            plan, metrics | own(run, plan.metrics, {*metrics, *plan.labels}), timing, metrics["error"]
+        )
     except Exception as error:
         traceback.print_exc()
         return _result(plan, metrics, {}, metrics.get("error") or _told(error, path.parent))

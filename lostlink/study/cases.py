@@ -100,8 +100,8 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
 
 def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
     """The label of each value: of numbers that nobody gave labels, or truth values, these themselves."""
-    for kinds in (bool, (int, float)):
-        if all(isinstance(value, kinds) and str(value) == text for text, value in choices.items()):
+    for kinds in ({bool}, {int, float}):
+        if all(type(value) in kinds and str(value) == text for text, value in choices.items()):
             return [(value, value) for value in choices.values()]
     return list(choices.items())
 

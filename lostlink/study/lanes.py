@@ -177,12 +177,16 @@ def end_here(client: str) -> None:
 
 
 def _passing_to(local: Future[Any]) -> Callable[[Any], None]:
+    from distributed import KilledWorker
+
     def done(remote: Any) -> None:
         error = remote.exception() if remote.status == "error" else None
-        if error is None:
+        if error is None or isinstance(error, KilledWorker):  # then it leaves no result
             local.set_result(None)
         else:
-            local.set_exception(error)
+            local.set_exception(
+                StudyError(f"a worker of the cluster cannot fly: {type(error).__name__}: {error}")
+            )
 
     return done
 

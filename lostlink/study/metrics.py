@@ -126,6 +126,8 @@ def own(run: Run, functions: tuple[Function, ...], taken: Container[str] = OF_TH
         for name in result:
             if name in OF_THE_STUDY or name in taken:
                 raise StudyError(f"{function}: {name}: is a column of the study's own: give it another name")
+            if name in found:
+                raise StudyError(f"{function}: {name}: is a column of another function: give it another name")
         found |= {str(name): _plain(value, f"{function}: {name}") for name, value in result.items()}
     return found
 

@@ -10,7 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
-from lostlink.study.case_process import LOG_FILE, CasePlan, is_done, measures_of, read_result, recorded
+from lostlink.study.case_process import (
+    LOG_FILE,
+    RESULT_FILE,
+    CasePlan,
+    is_done,
+    measures_of,
+    read_result,
+    recorded,
+)
 from lostlink.study.cases import Case, cases_of
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import link_column, load
@@ -74,7 +82,7 @@ class Study:
     def left(self) -> list[Case]:
         """The runs that are still to be flown or measured."""
         measures = measures_of(self.content.metrics)
-        return [case for case in self.cases if not is_done(self.path(case), measures)]
+        return [case for case in self.cases if not is_done(self.path(case), measures, case.labels)]
 
     def path(self, case: Case) -> Path:
         """The directory of a run of the study."""
@@ -89,6 +97,7 @@ class Study:
         left = {self.path(case): case for case in self.left()}
         for path, case in left.items():
             path.mkdir(parents=True, exist_ok=True)
+            (path / RESULT_FILE).unlink(missing_ok=True)  # of other code, or of a run that failed
             self._plan(case).write(path)
         done, failed = len(self.cases) - len(left), 0
         yield Standing(done, failed, len(self.cases))
@@ -133,7 +142,7 @@ class Study:
         for function in self.content.figures:
             try:
                 self._draw(function)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 yield f"{function}: {type(error).__name__}: {error}"
 
     def _draw(self, function: Function) -> None:
@@ -149,4 +158,7 @@ class Study:
         return f"{result['failure']} (in {path / result.get('run', '')})" if result["failure"] else ""
 
     def _plan(self, case: Case) -> CasePlan:
-        return CasePlan(case.scenario.to_yaml(), self.content.metrics, self.content.keep, self._dirs)
+        content = self.content
+        return CasePlan(
+            case.scenario.to_yaml(), content.metrics, content.keep, self._dirs, tuple(case.labels)
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             raise StudyError(
                 f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
             ) from error
-    part = path.with_suffix(".part")
+    part = path.with_suffix(f".{os.getpid()}.part")  # the same study may be flown twice at a time
     pq.write_table(pa.table(columns), part, compression="zstd")
     part.replace(path)
 

@@ -12,6 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.bus.keys import ALL
+from bridge.record.tables.deliveries import Cause
+from lostlink.reading.places import places_at
 from lostlink.reading.run import Run
 
 NS_PER_S = 1e9
@@ -80,6 +83,12 @@ class Whole:
         return run.columns(table, columns)
 
 
+def _track_of(truth: Columns, node: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """A node's ticks in ns, shape (n,), and its places then, north, east, down in m, shape (n, 3)."""
+    own = truth["node"] == node
+    return truth["tick_ns"][own], np.stack([truth[axis][own] for axis in _PLACE], axis=1)
+
+
 class RecordedNode:
     """What the record says of one node."""
 
@@ -99,8 +108,8 @@ class RecordedNode:
         return times_s[times_s <= end_s], places[times_s <= end_s]
 
     def _track(self, truth: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        own = truth["node"] == self.node
-        return truth["tick_ns"][own] / NS_PER_S, np.stack([truth[axis][own] for axis in _PLACE], axis=1)
+        ticks_ns, places = _track_of(truth, self.node)
+        return ticks_ns / NS_PER_S, places
 
     def position_ned_m(self, sim_time_s: float) -> NDArray[np.float64]:
         """True position at the last tick not after ``sim_time_s``, shape (3,). Waits for it while the flight goes on.
@@ -191,6 +200,9 @@ class RecordedLink:
     ) -> dict[str, NDArray[Any]]:
         """Rows of `deliveries`: sent from ``from_s`` to before ``to_s``, and over ``min_m`` to below ``max_m``.
 
+        Packets that never were on the air count at the distance at which they were sent; of what the host lost nobody
+        knows it. A row for everybody (``rx`` is ``all``) is one of this link, too.
+
         Of a flight that goes on: waits for ``to_s``; without it, as far as the test has waited. A packet that is queued
         or on its way then has no row yet.
 
@@ -204,11 +216,23 @@ class RecordedLink:
         if ended:
             raise AssertionError(ended)
         rows = self._extent.columns(self._run, "deliveries")
-        ours = (rows["tx"] == self.tx) & (rows["rx"] == self.rx)
+        ours = (rows["tx"] == self.tx) & ((rows["rx"] == self.rx) | (rows["rx"] == ALL))
         ours &= (rows["sim_time_ns"] >= from_s * NS_PER_S) & (rows["sim_time_ns"] < to_s * NS_PER_S)
         if min_m > 0.0 or max_m < np.inf:
-            ours &= (rows["distance_m"] >= min_m) & (rows["distance_m"] < max_m)
+            self._extent.reach(to_s, "truth")
+            distance_m = self._distance_m({name: column[ours] for name, column in rows.items()})
+            ours[ours] = (distance_m >= min_m) & (distance_m < max_m)
         return {name: column[ours] for name, column in rows.items()}
+
+    def _distance_m(self, rows: Columns) -> NDArray[np.float64]:
+        """Of this link's packets: as recorded or, of those that never were on the air, when they were sent."""
+        found: NDArray[np.float64] = rows["distance_m"].copy()
+        missing = np.isnan(found) & (rows["fate"] != Cause.TRANSPORT)
+        if missing.any():
+            truth, at_ns = self._extent.columns(self._run, "truth", _TRACK), rows["sim_time_ns"][missing]
+            tx, rx = (places_at(*_track_of(truth, node), at_ns) for node in (self.tx, self.rx))
+            found[missing] = np.linalg.norm(tx - rx, axis=1)
+        return found
 
     def delivery(
         self, *, from_s: float = 0.0, to_s: float = np.inf, min_m: float = 0.0, max_m: float = np.inf

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
 from urllib.parse import parse_qs
 
 COOKIE: Final = "lostlink_view"
+"""With the server's port behind it: browsers send a host's cookies to all of its ports."""
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -35,7 +35,8 @@ class WithCookie:
             return
         headers = dict(scope["headers"])
         asked = "token" in parse_qs(scope.get("query_string", b"").decode("latin-1"))
-        brought = "" if asked else _cookie(headers.get(b"cookie", b"").decode("latin-1"))
+        name = _name(scope)
+        brought = "" if asked else _cookie(headers.get(b"cookie", b"").decode("latin-1"), name)
         if brought and b"authorization" not in headers:
             bearer = (b"authorization", f"Bearer {brought}".encode("latin-1"))
             scope = {**scope, "headers": [*scope["headers"], bearer]}
@@ -43,22 +44,26 @@ class WithCookie:
         async def with_cookie(message: Message) -> None:
             if message["type"] == "http.response.start":
                 if asked and message["status"] == 200:
-                    _set(message, self._token)
+                    _set(message, name, self._token)
                 elif brought and message["status"] == 401:
-                    _set(message, "; Max-Age=0")
+                    _set(message, name, "; Max-Age=0")
             await send(message)
 
         await self._app(scope, receive, with_cookie)
 
 
-def _set(message: Message, value: str) -> None:
-    cookie = f"{COOKIE}={value}; HttpOnly; SameSite=Strict; Path=/".encode("ascii")
+def _name(scope: Scope) -> str:
+    """What the cookie is called at the port that was asked."""
+    _, port = scope.get("server") or ("", None)
+    return f"{COOKIE}_{port}" if port else COOKIE
+
+
+def _set(message: Message, name: str, value: str) -> None:
+    cookie = f"{name}={value}; HttpOnly; SameSite=Strict; Path=/".encode("ascii")
     message["headers"] = [*message.get("headers", []), (b"set-cookie", cookie)]
 
 
-def _cookie(header: str) -> str:
-    try:
-        found = SimpleCookie(header).get(COOKIE)
-    except CookieError:
-        return ""
-    return found.value if found else ""
+def _cookie(header: str, name: str) -> str:
+    """The value of a cookie among those that a browser sends, some of which other programs may have set; "" of none."""
+    pairs = (each.strip().partition("=") for each in header.split(";"))
+    return next((value for found, _, value in pairs if found == name), "")

@@ -206,15 +206,18 @@ class Model:
         return self._curve
 
     def _make(self) -> ModelCurve:
-        from bridge.scenario.resolve.radio import (
-            common_radio,
-        )  # scipy takes its time, and few look at this chart
+        # scipy takes its time, and few look at this chart
+        from bridge.scenario.resolve.channel import draws_are_shared
+        from bridge.scenario.resolve.radio import common_radio
         from channel.validity import OutsideValidityError
 
-        distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
+        distance_m, shared = (
+            np.linspace(1.0, self._farthest_m, MODEL_POINTS),
+            draws_are_shared(self._scenario),
+        )
         radio = common_radio(self._scenario)
         if radio is not None:
             with suppress(OutsideValidityError):
                 if not getattr(radio.config.propagation, "needs_places", False):
-                    return ModelCurve(distance_m, radio.probability_of_delivery(distance_m))
-        return ModelCurve(np.empty(0), np.empty(0))
+                    return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
+        return ModelCurve(np.empty(0), np.empty(0), shared)

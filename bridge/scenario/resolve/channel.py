@@ -106,6 +106,17 @@ def routing_settings(radios: Mapping[str, Radio]) -> RoutingSettings:
     return settings
 
 
+def draws_are_shared(scenario: Scenario) -> bool:
+    """Whether packets of a run share what is drawn: then their ratios have no binomial intervals.
+
+    Raises:
+        PresetError: there is no such radio.
+    """
+    emitters = emitters_of(scenario)
+    radios = (radios_of(scenario, emitters, name).values() for name in scenario.network_names)
+    return any(radio.shares_draws for each in radios for radio in each)
+
+
 def channels_of(
     scenario: Scenario, switches: Mapping[str, Switches], watches: Mapping[str, Watch] = NO_WATCHES
 ) -> list[RadioChannel]:

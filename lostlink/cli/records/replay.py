@@ -113,7 +113,7 @@ def _span(player: Player, begin_s: float | None, end_s: float | None) -> tuple[i
     end = last_s if end_s is None else end_s
     if not (begin <= end and begin <= last_s and end >= first_s):
         raise ValueError(f"--from {begin:g} --to {end:g}: the record has {first_s:g} s to {last_s:g} s")
-    return round(begin * 1e9), round(min(end, last_s) * 1e9)
+    return round(max(begin, first_s) * 1e9), round(min(end, last_s) * 1e9)
 
 
 def _controls(player: Player, begin_ns: int, end_ns: int, speed: float, *, paused: bool) -> Controls:

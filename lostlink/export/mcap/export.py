@@ -18,13 +18,12 @@ from lostlink.export.mcap.mavlink import mavlink_sources
 from lostlink.export.mcap.motion import StateSource, TruthSource
 from lostlink.export.mcap.radio import RadioSource, packets_source
 from lostlink.export.mcap.said import agent_sources, events_source, text_sources
-from lostlink.export.mcap.source import Source
+from lostlink.export.mcap.source import FOREVER_NS, Source
 from lostlink.export.mcap.topics import prefixes
 
 MCAP_FILE: Final = "run.mcap"
 WINDOW_NS: Final = 5_000_000_000
 """Within a window messages are sorted; so much sim time is in memory."""
-FOREVER_NS: Final = 1 << 62
 OnProgress = Callable[[float], object]
 
 

@@ -27,12 +27,12 @@ from bridge.scenario.model import Scenario
 from channel.medium.ledger import Ledger
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
-from lostlink.export.mcap.source import Feed, Item, Slices
+from lostlink.export.mcap.source import FOREVER_NS, Feed, Item, Slices
 from lostlink.reading.rows import take_rows
 
 
 class RadioSource:
-    """Fates, links and the communication matrix, a message each per tick.
+    """Fates, links and the communication matrix, a message each per tick; the last links are there at any rate.
 
     Args:
         run: the run directory.
@@ -47,6 +47,7 @@ class RadioSource:
         labels = labels_of(self._nodes) | {"radio": self._networks}
         self._slices = Slices(run, DELIVERIES, labels, by="received_ns")
         self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
+        self._held_ns: int | None = None  # the newest tick, if its links were not due
         settings = file.settings
         self._channels = {
             kind: file.channel(f"/{kind}", cls.TYPE, kind) if settings.has(kind) else None
@@ -56,9 +57,13 @@ class RadioSource:
     def until(self, time_ns: int) -> Iterator[Item]:
         """The messages of whole ticks up to ``time_ns``."""
         columns = self._slices.until(time_ns + self._tick_ns)
-        if columns is None:
-            return
-        columns = self._in_ticks(columns)
+        if columns is not None:
+            yield from self._ticks(self._in_ticks(columns))
+        links = self._channels["links"]
+        if time_ns == FOREVER_NS and self._held_ns is not None and links is not None:
+            yield self._held_ns, links, encode(self._links(self._held_ns))
+
+    def _ticks(self, columns: Columns) -> Iterator[Item]:
         ends = np.flatnonzero(np.diff(columns["tick_ns"])) + 1
         for begin, end in zip([0, *ends.tolist()], [*ends.tolist(), len(columns["tick_ns"])], strict=True):
             tick = {name: values[begin:end] for name, values in columns.items()}
@@ -73,15 +78,21 @@ class RadioSource:
     def _tick(self, tick_ns: int, rows: Columns) -> Iterator[Item]:
         take_rows(rows, self._picture, self._ledger)
         for kind, channel in self._channels.items():
-            if channel is None or not channel.is_due(tick_ns):
+            is_due = channel is not None and channel.is_due(tick_ns)
+            if kind == "links":
+                self._held_ns = None if is_due else tick_ns
+            if channel is None or not is_due:
                 continue
             if kind == "fates":
                 message: Any = fates_message(tick_ns, self._nodes, rows, self._networks)
             elif kind == "links":
-                message = self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
+                message = self._links(tick_ns)
             else:
                 message = self._picture.matrix(tick_ns)
             yield tick_ns, channel, encode(message)
+
+    def _links(self, tick_ns: int) -> Links:
+        return self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
 
 
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from bridge.record.tables.reader import Names, joined, read_batches
 from bridge.record.tables.schema import Columns, Table
 from lostlink.export.mcap.file import Channel
 
+FOREVER_NS: Final = 1 << 62
+"""Until then a source gives all that is left."""
 Item = tuple[int, Channel, bytes]
 """Sim time in ns, where to, and the message."""
 
@@ -75,7 +77,7 @@ class Thinning:
     """Which of a topic's messages are written: the first of each period."""
 
     def __init__(self, rate_hz: float | None) -> None:
-        self._period_ns = round(1e9 / rate_hz) if rate_hz else 0
+        self._period_ns = min(round(1e9 / rate_hz), FOREVER_NS) if rate_hz else 0
         self._last = -1
 
     def chosen(self, times_ns: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -67,15 +67,14 @@ class Controls:
 
     def next(self, now_s: float) -> Moment | None:
         """Play the next tick; None when the end is reached."""
-        now = self.player.now
-        if now is None:
+        if self.player.now is None:
             moment: Moment | None = self.player.seek(self.begin_ns)
         else:
-            moment = self.player.step() if now.sim_time_ns < self.end_ns else None
-        if moment is not None and moment.sim_time_ns <= self.end_ns:
+            following_ns = self.player.following_ns
+            moment = None if following_ns is None or following_ns > self.end_ns else self.player.step()
+        if moment is not None:
             self.pace.played(moment.sim_time_ns, now_s)
-            return moment
-        return None
+        return moment
 
     def rewind(self, now_s: float) -> Moment:
         """Begin anew."""

@@ -53,10 +53,14 @@ LIGHT, DARK = Look("#1c2733", "#d5dce3"), Look("#e4e9ee", "#3a444e")
 
 @dataclass(frozen=True, slots=True)
 class ModelCurve:
-    """The model's probability of delivery by distance, shape (D,) each; empty if a distance alone says too little."""
+    """The model's probability of delivery by distance, shape (D,) each; empty if a distance alone says too little.
+
+    ``shares_draws``: whether packets share shadowing or fading, so that what is measured has no binomial intervals.
+    """
 
     distance_m: NDArray[np.float64]
     probability: NDArray[np.float64]
+    shares_draws: bool = False
 
 
 def link_chart(series: LinkSeries, look: Look) -> Options:
@@ -97,7 +101,6 @@ def link_chart(series: LinkSeries, look: Look) -> Options:
 def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options:
     """Probability of delivery against distance, measured and by the model: Moon et al. 2020, Fig. 6, as it grows."""
     measured = bins.delivered / np.maximum(bins.sent, 1)
-    low, high = proportion_interval(bins.delivered, bins.sent) if bins.sent.size else (measured, measured)
     options = frame(look)
     options |= {
         "grid": {"left": 62, "right": 16, "top": 40, "bottom": 48},
@@ -111,7 +114,7 @@ def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options
                 "color": SERIES_COLOURS[0],
                 "data": points(bins.distance_m, measured),
             },
-            _whiskers(bins.distance_m, np.asarray(low), np.asarray(high)),
+            *([] if model.shares_draws else [_whiskers(bins)]),
             {
                 "name": "model",
                 "type": "line",
@@ -125,11 +128,13 @@ def delivery_chart(bins: DistanceBins, model: ModelCurve, look: Look) -> Options
     return options
 
 
-def _whiskers(at: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> Options:
-    """Vertical lines as one broken line: a gap after each."""
+def _whiskers(bins: DistanceBins) -> Options:
+    """The intervals of what is measured, as one broken line: a gap after each."""
     data: list[list[float | None] | str] = []
-    for x, bottom, top in zip(at.tolist(), low.tolist(), high.tolist(), strict=True):
-        data += [[x, _short(bottom)], [x, _short(top)], "-"]
+    if bins.sent.size:
+        low, high = (np.asarray(each) for each in proportion_interval(bins.delivered, bins.sent))
+        for x, bottom, top in zip(bins.distance_m.tolist(), low.tolist(), high.tolist(), strict=True):
+            data += [[x, _short(bottom)], [x, _short(top)], "-"]
     return {
         "name": "99 % interval",
         "type": "line",
@@ -292,4 +297,7 @@ def points(x: NDArray[Any], y: NDArray[Any]) -> list[list[float | None]]:
 
 
 def _short(value: float) -> float | None:
-    return round(float(value), 3) if np.isfinite(value) else None
+    """To three decimals, or three digits of what is less than 1; None for what is not finite."""
+    if not np.isfinite(value):
+        return None
+    return round(float(value), 3) if abs(value) >= 1.0 else float(f"{value:.3g}")

@@ -41,6 +41,8 @@ from lostlink.view.page.tables import (
     loss_rows,
     losses_words,
     node_words,
+    status_words,
+    time_words,
 )
 from lostlink.view.page.timeline import Timeline
 from lostlink.view.picture.fleet_view import FleetView
@@ -295,11 +297,10 @@ class Page:
 
     def refresh(self, *, charts: bool = True) -> None:
         """Show what is known now: only what is in sight costs anything."""
-        view, clock = self._view, self._view.clock
-        self._time.set_text(
-            f"{view.sim_time_ns / 1e9:.1f} s of sim time, {clock.real_time_factor:.1f} x real time"
-        )
-        self._status.set_text(self._status_words())
+        view, time_control = self._view, self._shown.time_control
+        is_record = time_control is not None and time_control.can_seek
+        self._time.set_text(time_words(view, is_record=is_record))
+        self._status.set_text(status_words(view, is_record=is_record))
         self._timeline.refresh()
         self._refresh_said()
         if self._onboard is not None:
@@ -346,17 +347,6 @@ class Page:
                 sent, delivered = view.links.latest("sent"), view.links.latest("delivered")
                 share = delivered / np.where(sent > 0, sent, np.nan)
                 set_options(self._matrix, matrix_chart([node.id for node in view.nodes], share, self._look))
-
-    def _status_words(self) -> str:
-        clock = self._view.clock
-        if self._view.is_over:
-            return "over"
-        if self._shown.time_control is not None and self._shown.time_control.can_seek:
-            return "record, paused" if clock.paused else f"record, played {clock.speed:g} x"
-        words = (
-            "paused" if clock.paused else "running" if self._view.sim_time_ns else "waits for the first tick"
-        )
-        return f"{words}; not waited for: {', '.join(clock.stalled)}" if clock.stalled else words
 
     def _refresh_said(self) -> None:
         if self._view.lines_told < self._told:  # all was forgotten

@@ -112,6 +112,24 @@ def node_words(view: FleetView, number: int) -> str:
     )
 
 
+def time_words(view: FleetView, *, is_record: bool) -> str:
+    """How far it is, and how fast a simulation goes; how fast a record is played is what viewers chose."""
+    words = f"{view.sim_time_ns / 1e9:.1f} s of sim time"
+    return words if is_record else f"{words}, {view.clock.real_time_factor:.1f} x real time"
+
+
+def status_words(view: FleetView, *, is_record: bool) -> str:
+    """Whether time goes on."""
+    clock = view.clock
+    if view.is_over:
+        return "over"
+    if is_record:
+        speed = "as fast as possible" if np.isinf(clock.speed) else f"{clock.speed:g} x"
+        return "record, paused" if clock.paused else f"record, played {speed}"
+    words = "paused" if clock.paused else "running" if view.sim_time_ns else "waits for the first tick"
+    return f"{words}; not waited for: {', '.join(clock.stalled)}" if clock.stalled else words
+
+
 def emitter_rows(view: FleetView) -> Rows:
     """A row per RF emitter: what it radiates, and where it is."""
     rows: Rows = []
@@ -217,9 +235,14 @@ def link_words(view: FleetView, tx: int, rx: int, way: Sequence[int] = ()) -> st
     if silent:
         off = f"radio of {' and of '.join(silent)} off"
         return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
+    figures = (
+        f"{distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
+        f"{view.links.probability[tx, rx]:.2f}"
+        if np.isfinite(distance_m)
+        else "its latest packet never was on the air"
+    )
     return (
-        f"{names}: {distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
-        f"{view.links.probability[tx, rx]:.2f}; {delivered:.0f} of {sent:.0f} packets delivered"
+        f"{names}: {figures}; {delivered:.0f} of {sent:.0f} packets delivered"
         f"{f', the latest after {late} s' if late else ''}{_by_way_of(view, way)}"
     )
 

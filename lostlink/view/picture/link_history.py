@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bridge.bus.messages import Links
 
@@ -34,7 +34,8 @@ class LinkSeries:
         distance_m: between the two, of the latest packet, as the next three.
         received_power_dbm: with its random terms.
         snr_db: likewise.
-        probability: mean of 1 - PER over the last WINDOW reports: what the model gave the packets.
+        probability: mean of 1 - PER over those of the last WINDOW reports that have one: what the model gave the
+            packets; NaN if none has.
         measured: share that arrived of the packets of the last WINDOW reports; NaN if there were none.
     """
 
@@ -67,6 +68,8 @@ class LinkHistory:
         self._reports: list[NDArray[np.float32]] = []
         self._limit = max(REPORTS_MIN, min(REPORTS_MAX, VALUES_MAX // max(1, self._latest.size)))
         self._every, self._skipped = 1, 0
+        self._distance_m = np.full((nodes, nodes), np.nan, dtype=np.float32)
+        """[tx, rx]: of the latest packet that had one."""
         self._bins: Floats = np.zeros((2, 1))
         self.reports = 0
         """How many there have been."""
@@ -80,8 +83,18 @@ class LinkHistory:
         self.reports += 1
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
         self.probability[tx, rx] = np.where(np.isnan(old), new, old + SMOOTH * (new - old))
-        self._count(self._latest[0, tx, rx], np.nan_to_num(before), self._latest[4:, tx, rx])
+        self._count(self._places(tx, rx, links.radio_off), np.nan_to_num(before), self._latest[4:, tx, rx])
         self._keep(links.header.stamp.ns / 1e9)
+
+    def _places(
+        self, tx: NDArray[np.intp], rx: NDArray[np.intp], radios_off: ArrayLike
+    ) -> NDArray[np.float32]:
+        """At which distances links are: where they were last, if the latest packet never was on the air; NaN if off."""
+        latest_m = self._latest[0, tx, rx]
+        known = np.isfinite(latest_m)
+        self._distance_m[tx[known], rx[known]] = latest_m[known]
+        is_off = np.isin(tx, radios_off) | np.isin(rx, radios_off)
+        return np.where(is_off, np.float32(np.nan), self._distance_m[tx, rx])
 
     def _count(
         self, distance_m: NDArray[np.float32], before: NDArray[np.float32], now: NDArray[np.float32]
@@ -123,9 +136,8 @@ class LinkHistory:
         if not rows.size:
             rows = np.empty((0, len(FIGURES)))
         distance_m, power_dbm, snr_db, per, sent, delivered = rows.T
-        new, arrived = _over_window(sent), _over_window(delivered)
-        measured = np.divide(arrived, new, out=np.full_like(new, np.nan), where=new > 0)
-        mean = _over_window(np.nancumsum(1.0 - per)) / _over_window(np.arange(per.size, dtype=np.float64))
+        mean = _share(np.nancumsum(1.0 - per), np.cumsum(np.isfinite(per), dtype=np.float64))
+        measured = _share(delivered, sent)
         return LinkSeries(np.array(self._times_s), distance_m, power_dbm, snr_db, mean, measured)
 
     def by_distance(self) -> DistanceBins:
@@ -133,6 +145,12 @@ class LinkHistory:
         used = np.flatnonzero(self._bins[0])
         middle_m = np.asarray((used + 0.5) * BIN_WIDTH_M, dtype=np.float64)
         return DistanceBins(middle_m, self._bins[0, used], self._bins[1, used])
+
+
+def _share(part: Floats, whole: Floats) -> Floats:
+    """Of two counts, by how much they grew over the last WINDOW reports; NaN where the whole did not."""
+    grew = _over_window(whole)
+    return np.divide(_over_window(part), grew, out=np.full_like(grew, np.nan), where=grew > 0)
 
 
 def _over_window(count: Floats) -> Floats:

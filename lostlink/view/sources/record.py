@@ -145,6 +145,7 @@ class RecordSource:
     def _take(self, moment: Moment, *, in_a_hurry: bool, again: bool = False) -> None:
         """Give a moment to the view; ``again``: what is counted was taken already."""
         view = self._view
+        self._tell_clock()  # what is said is said at this tick
         if not again:
             view.take(moment.fates())
             if moment.links_are_due:
@@ -158,7 +159,6 @@ class RecordSource:
         if not in_a_hurry and (again or self._clock() >= self._states_due_s):
             self._states_due_s = self._clock() + STATES_PERIOD_S
             self._take_states(moment, quietly=again)
-        self._tell_clock()
 
     def _take_states(self, moment: Moment, *, quietly: bool) -> None:
         """``quietly``: what has changed since the states that were taken last did so nobody knows when."""

@@ -116,7 +116,9 @@ def _radio(read: Read, result: RunResult) -> None:
         (links.node[tx], links.node[rx]): (sent, delivered)
         for tx, rx, sent, delivered in zip(links.tx, links.rx, links.sent, links.delivered, strict=True)
     }
-    assert totals.keys() == {(link["tx"], link["rx"]) for link in result.summary["links"]}
+    assert totals == {
+        (link["tx"], link["rx"]): (link["sent"], link["delivered"]) for link in result.summary["links"]
+    }
     matrix = read.messages["/communication"][-1]
     assert len(matrix.known) == len(matrix.delivered) == 9
     assert not any(matrix.known[i * 4] for i in range(3))

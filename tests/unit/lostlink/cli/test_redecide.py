@@ -70,6 +70,16 @@ def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: 
     assert "fates are other" in result.stdout
 
 
+def test_another_rate_of_ticks_is_refused(run: Path) -> None:
+    """Packets of two ticks would meet on the air, and positions between them be missing."""
+    result = redecide(run, "--set", "tick_rate_hz=10")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert (
+        result.stderr
+        == f"lostlink: tick_rate_hz: {run} has 20 ticks a second, and cannot be decided by others\n"
+    )
+
+
 @pytest.mark.parametrize("is_cut", [False, True])
 def test_powers_that_are_not_what_was_recorded_are_an_error_though_fates_are_the_same(
     tmp_path: Path, is_cut: bool
@@ -154,6 +164,17 @@ def test_what_is_written_is_a_run(run: Path, tmp_path: Path) -> None:
     again = json.loads(redecide(tmp_path / "disk", "--json").stdout)
     assert again["is_same"]
     assert (tmp_path / "disk" / "probability_of_delivery.png").stat().st_size > 1000
+
+
+def test_a_run_decided_anew_has_lost_nothing_of_the_run(tmp_path: Path) -> None:
+    made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 20)
+    (made / "logs").mkdir()
+    (made / "logs" / "node-0.log").write_text(
+        "2026-11-21 12:00:00.000 0.50s INFO agent: up\n", encoding="utf-8"
+    )
+    assert redecide(made, "--out", tmp_path / "disk", "--radio", "disk", "--quiet").exit_code == 0
+    exported = CliRunner().invoke(lostlink, ["export", str(tmp_path / "disk"), "--mcap"])
+    assert (exported.exit_code, exported.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("killed", [False, True])

@@ -6,7 +6,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -14,12 +14,17 @@ from click.testing import CliRunner, Result
 
 from lostlink.cli.flying.study import study
 from lostlink.study.case_process import RESULT_FILE, CasePlan, read_result, write_whole
+from lostlink.study.lanes import LocalLanes
 from lostlink.study.study import Standing, Study
 from lostlink.study.table import TABLE_FILE
 
 FIGURES = """
 def broken(table, directory):
     raise KeyError("speed")
+
+
+def ends(table, directory):
+    raise SystemExit(0)
 
 
 def drawn(table, directory):
@@ -42,7 +47,8 @@ def file(tmp_path: Path) -> Path:
     (tmp_path / "own.py").write_text(FIGURES, encoding="utf-8")
     file = tmp_path / "study.yaml"
     file.write_text(
-        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\nfigures: [own.py:broken, own.py:drawn]\n",
+        "schema: 1\nname: mine\nscenario: separation\nseeds: [1, 2]\n"
+        "figures: [own.py:broken, own.py:ends, own.py:drawn]\n",
         encoding="utf-8",
     )
     ours = Study(file, tmp_path)
@@ -64,7 +70,8 @@ def test_a_figure_that_fails_is_told_in_a_line_after_the_table_and_the_others_ar
     done = run(file)
     assert done.exit_code == 1
     assert done.stdout.splitlines()[-1] == str(file.parent / "mine" / "metrics.parquet")
-    assert done.stderr == f"lostlink: {file.parent / 'own.py'}:broken: KeyError: 'speed'\n"
+    place = f"lostlink: {file.parent / 'own.py'}"
+    assert done.stderr == f"{place}:broken: KeyError: 'speed'\n{place}:ends: SystemExit: 0\n"
     assert (file.parent / "mine" / "drawn.txt").read_text() == "2"
 
 
@@ -109,6 +116,27 @@ def test_an_interrupted_study_shows_the_runs_that_are_over(
     else:
         assert "0.75" in done.stdout
     assert not (ours.directory / TABLE_FILE).exists()
+
+
+class _Nowhere(LocalLanes):
+    """Lanes on which a study is interrupted before a run is over."""
+
+    def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
+        os.kill(os.getpid(), signal.SIGINT)
+        yield None
+
+
+def test_an_interrupted_study_shows_nothing_that_is_to_be_measured_again(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of results of other code and of this one means are none."""
+    with (file.parent / "own.py").open("a", encoding="utf-8") as own:
+        own.write("\n\ndef more(run):\n    return {}\n")
+    file.write_text(file.read_text(encoding="utf-8") + "metrics: own.py:more\n", encoding="utf-8")
+    monkeypatch.setattr("lostlink.cli.flying.study.LocalLanes", _Nowhere)
+    done = run(file, "--lanes", "1", "--json")
+    assert (done.exit_code, done.stdout) == (128 + signal.SIGINT, "")
+    assert "0 of 2 runs are over" in done.stderr
 
 
 def test_json_has_null_for_what_is_no_number(file: Path) -> None:

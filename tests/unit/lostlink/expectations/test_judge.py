@@ -132,6 +132,22 @@ def test_separation(tmp_path: Path) -> None:
         judged(run, type="separation")
 
 
+def test_what_never_was_on_the_air_counts_at_the_distance_at_which_it_was_sent(tmp_path: Path) -> None:
+    """UA fly 1 m apart: of 20 packets 4 found no room, one was longer than the radio takes, one was the host's."""
+
+    def lose(made: RunContent) -> None:
+        for index in range(0, 8, 2):
+            made.change_row(index, fate="queue_full", distance_m=float("nan"))
+        made.change_row(8, rx="all", fate="too_long", distance_m=float("nan"))
+        made.change_row(10, rx="all", fate="transport", distance_m=float("nan"))
+
+    run = make_run(tmp_path / "run", lose)
+    link = {"type": "delivery", "from": 0, "to": 1, "at_least": 0}
+    assert judged(run, **link).found == 14 / 20
+    assert judged(run, **link, distance_m=[0.9, 1.1]).found == 0.0
+    assert judged(run, **link, distance_m=[0.9, 100]).found == pytest.approx(14 / 19, abs=1e-6)
+
+
 def test_losses_of_the_host_count_each_receiver(tmp_path: Path) -> None:
     def lose(made: RunContent) -> None:
         made.change_row(0, fate="transport")

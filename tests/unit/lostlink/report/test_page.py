@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
+from lostlink.flight.figure import draw_measured
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
 from lostlink.report.content import content_of
@@ -187,6 +189,20 @@ def test_a_killed_run_has_the_numbers_of_a_whole_one(tmp_path: Path):
     ):
         assert killed[key] == whole[key], key
     assert (killed["run"]["ending"], whole["run"]["ending"]) == ("killed", "duration")
+
+
+@pytest.mark.parametrize(("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True)])
+@pytest.mark.parametrize("nodes", [2, 4])
+def test_packets_of_a_killed_run_that_share_what_is_drawn_have_no_intervals(
+    tmp_path: Path, radio: str, are_shared: bool, nodes: int
+) -> None:
+    """By links, and of many links all together."""
+    names = tuple(str(number) for number in range(nodes))
+    made = content_of(load_run(flown(tmp_path / "run", scenario_of(radio, names), ticks=20, killed=True)))
+    figure = Figure()
+    draw_measured(figure.subplots(), made["bins"])
+    assert bool(figure.axes[0].containers[0].has_yerr) is not are_shared
+    assert ("no intervals" in told_of_delivery(made)) is are_shared
 
 
 def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:

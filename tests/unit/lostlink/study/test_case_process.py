@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.study.case_process import RUN_FOLDER, CasePlan, fly_case, read_result, recorded
-from tests.unit.lostlink.replay.flown import scenario_of
+from lostlink.study.model import Function
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 SUMMARY = {
     "ending": "failed",
@@ -18,6 +22,7 @@ SUMMARY = {
     "expectations": [],
     "sim_duration_s": 0.0,
 }
+TIMING = {"wall_duration_s": 1.0, "real_time_factor": 0.0}
 
 
 def test_a_run_that_failed_without_tables_says_why(tmp_path: Path) -> None:
@@ -40,3 +45,36 @@ def test_a_copy_in_the_place_of_the_link_is_the_run(tmp_path: Path) -> None:
     assert recorded(tmp_path) is None
     (tmp_path / RUN_FOLDER).mkdir()
     assert recorded(tmp_path) == tmp_path / RUN_FOLDER
+
+
+def test_a_metric_called_as_what_varies_is_refused(tmp_path: Path) -> None:
+    """Of a run that was measured before it varied, too: else it stood in the table in the place of the setting."""
+    run = flown(tmp_path / "flown", scenario_of("perfect", ("0", "1")), 5)
+    (run / SUMMARY_FILE).write_text(
+        json.dumps(SUMMARY | {"ending": "done", "error": None} | TIMING), encoding="utf-8"
+    )
+    (tmp_path / RUN_FOLDER).symlink_to(run.name)
+    (tmp_path / "own.py").write_text('def measure(run):\n    return {"radio": 3}\n', encoding="utf-8")
+    plan = CasePlan("", (Function(place=str(tmp_path / "own.py"), name="measure"),), "all")
+    plan.write(tmp_path)
+    assert fly_case(tmp_path) == 0
+    replace(plan, labels=("radio", "seed")).write(tmp_path)
+    assert fly_case(tmp_path) == 1
+    result = read_result(tmp_path)
+    assert result is not None
+    assert result["failure"].endswith(
+        "own.py:measure: radio: is a column of the study's own: give it another name"
+    )
+    assert "radio" not in result["metrics"]
+
+
+def test_two_studies_at_once_write_a_plan_each_as_a_whole(tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom lostlink.study.case_process import write_whole\n"
+        "for _ in range(1000):\n    write_whole(Path(sys.argv[1]), sys.argv[2] * 5000)\n"
+    )
+    file = tmp_path / "plan.json"
+    writers = [subprocess.Popen([sys.executable, "-c", code, str(file), text]) for text in "ab"]
+    assert [writer.wait(60.0) for writer in writers] == [0, 0]
+    assert set(json.loads(file.read_text(encoding="utf-8"))) in ({"a"}, {"b"})
+    assert list(tmp_path.iterdir()) == [file]

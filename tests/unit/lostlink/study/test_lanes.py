@@ -57,3 +57,24 @@ def test_on_a_dask_cluster(waiting: Path) -> None:
         )
     ) as cluster:
         assert not _leave(DaskLanes(cluster.scheduler_address), waiting)
+
+
+@pytest.mark.slow
+def test_a_case_whose_workers_are_killed_is_over(waiting: Path) -> None:
+    """As by a machine that has no memory left: the others go on."""
+    distributed: Any = pytest.importorskip("distributed")
+    dask: Any = pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        closing(
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+            )
+        ) as cluster,
+        DaskLanes(cluster.scheduler_address) as lanes,
+    ):
+        over = lanes.fly([waiting])
+        assert next(found for _ in over if (found := _processes(waiting)))
+        (worker,) = cluster.workers.values()
+        psutil.Process(worker.pid).kill()
+        assert next(case for case in over if case is not None) == waiting

@@ -102,6 +102,17 @@ def test_numbers_that_vary_come_back_as_numbers(tmp_path):
     assert table["zenoh"] == [True] * 4
 
 
+def test_numbers_and_truth_values_that_vary_together_come_back_as_text(tmp_path):
+    gain = AGENT.replace("    pass\n", "    async def fly(self):\n        self.gain = self.options['gain']\n")
+    (tmp_path / "mine.py").write_text(gain, encoding="utf-8")
+    runs = cases(
+        tmp_path,
+        "set: {nodes.0.agent: {type: own, class: mine.py:Mine}}\nvary: {nodes.0.agent.options.gain: [false, 0.5]}\n",
+    )
+    assert [run.labels["nodes.0.agent.options.gain"] for run in runs] == ["False", "0.5"]
+    write_table([run.labels for run in runs], tmp_path / "table.parquet")
+
+
 def test_a_run_is_called_what_its_scenario_is_called(tmp_path):
     (tmp_path / "mine.yaml").write_text("schema: 1\nextends: separation\nname: far-apart\n")
     (tmp_path / "other.yaml").write_text("schema: 1\nextends: separation\n")
@@ -283,6 +294,14 @@ def test_other_metrics_are_refused_by_name(tmp_path, body, says):
 def test_a_metric_does_not_take_the_place_of_one_of_ours(tmp_path):
     with pytest.raises(StudyError, match="measure: delivery: is a column of the study's own"):
         own(None, (function(tmp_path, "{'delivery': 1}"),), {"delivery": 0.5})
+
+
+def test_two_functions_give_no_column_twice(tmp_path):
+    one = function(tmp_path, "{'a': 1}")
+    (tmp_path / "more.py").write_text("def other(run):\n    return {'b': 2, 'a': 3}\n", encoding="utf-8")
+    other = Function(place=str(tmp_path / "more.py"), name="other")
+    with pytest.raises(StudyError, match=r"more\.py:other: a: is a column of another function"):
+        own(None, (one, other))
 
 
 def test_a_function_that_is_not_there_is_named(tmp_path):

@@ -10,8 +10,10 @@ import pytest
 
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.states import STATES
+from lostlink.reading.run import load_run
 from lostlink.testing.flight import FleetFlight, UaOfFlight
 from lostlink.testing.views import Place, RecordedLink, RecordedNode
+from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 
 class Made:
@@ -191,6 +193,31 @@ def test_what_a_link_delivered_by_time_and_distance():
         link.delivery(from_s=100.0)
     with pytest.raises(AssertionError, match="nothing was sent from 1 to 0"):
         RecordedLink(Made(), "1", "0").delivery()
+
+
+@pytest.mark.parametrize(
+    ("radio", "lost"), [("telemetry-915", "queue_full"), ("wifi-2.4", "too_long"), ("wifi-2.4", "transport")]
+)
+def test_what_never_was_on_the_air_is_not_left_out(tmp_path, radio, lost):
+    """Its row has no distance, and may be one for everybody; the host's losses alone have none at all."""
+    sent = {
+        "queue_full": lambda _: [Sent("0", length=200)],
+        "too_long": lambda tick: [Sent("0", length=3000 if tick % 2 else 40)],
+        "transport": lambda tick: [Sent("0", lost=tick % 2)],
+    }
+    run = load_run(flown(tmp_path / "run", scenario_of(radio, ("0", "1", "gcs")), 80, sent[lost]))
+    ((count, delivered, missing),) = run.links.query("tx == '0' and rx == '1'")[
+        ["sent", "delivered", lost]
+    ].values
+    assert missing > 9
+    link = RecordedLink(run, "0", "1")
+    assert link.delivery() == delivered / count
+    placed = count - missing if lost == "transport" else count
+    assert link.delivery(max_m=5000.0) == delivered / placed
+    middle_m = float(np.nanmedian(link.packets()["distance_m"]))
+    near, far = link.packets(max_m=middle_m)["packets"], link.packets(min_m=middle_m)["packets"]
+    assert near.sum() + far.sum() == placed
+    assert min(near.sum(), far.sum()) > 0.3 * placed
 
 
 @pytest.mark.parametrize(

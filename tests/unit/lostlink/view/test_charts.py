@@ -27,9 +27,13 @@ from lostlink.view.page.tables import (
     logged_rows,
     loss_rows,
     losses_words,
+    status_words,
+    time_words,
 )
 from lostlink.view.picture.link_history import DistanceBins, LinkHistory
 from lostlink.view.picture.logged import Series
+from lostlink.view.process import Model
+from tests.unit.lostlink.replay.flown import scenario_of
 from tests.unit.lostlink.view.fleet import (
     clock,
     emitter_at,
@@ -52,6 +56,15 @@ def test_the_chart_of_a_link_has_its_newest_report() -> None:
     assert all(len(data) <= POINTS_MAX for data in by_name.values())
 
 
+def test_small_numbers_are_drawn_as_they_are() -> None:
+    """A frame of 802.11 takes half a millisecond, and what an agent logs may be smaller still."""
+    logged = Series()
+    for time_s, value in ((0.05, 4.321e-7), (3600.05, -0.000534), (3600.1, 12.3456)):
+        logged.add(time_s, value)
+    (drawn,) = logged_chart("a", [(0, "UA 0", logged)], LIGHT)["series"]
+    assert drawn["data"] == [[0.05, 4.32e-7], [3600.05, -0.000534], [3600.1, 12.346]]
+
+
 def test_the_chart_of_a_link_without_packets_is_empty() -> None:
     options = link_chart(LinkHistory(2).series(0, 1), LIGHT)
     assert [series["data"] for series in options["series"]] == [[], [], [], []]
@@ -68,6 +81,21 @@ def test_measured_deliveries_stand_in_their_intervals_beside_the_model() -> None
     assert whiskers[3][1] < 0.4 < whiskers[4][1]
     assert curve == [[0.0, 1.0], [40.0, 0.4]]
     assert options["textStyle"]["color"] == DARK.ink
+
+
+def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
+    bins = DistanceBins(np.array([10.0]), np.array([100.0]), np.array([60.0]))
+    options = delivery_chart(bins, ModelCurve(np.empty(0), np.empty(0), shares_draws=True), LIGHT)
+    assert [series["name"] for series in options["series"]] == ["measured", "model"]
+
+
+@pytest.mark.parametrize(
+    ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
+)
+def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
+    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0)
+    assert curve.shares_draws is are_shared
+    assert curve.probability[0] > 0.9
 
 
 @pytest.mark.parametrize("nodes", [2, 50])
@@ -127,6 +155,30 @@ def test_a_link_in_words() -> None:
     assert link_words(view, 0, 1) == (
         "UA 0 to node gcs: 123 m, -80.0 dBm, SNR 12.0 dB, probability of delivery 0.75; 30 of 40 packets delivered"
     )
+
+
+def test_a_link_whose_latest_packet_found_no_room_in_words() -> None:
+    view = view_of_two()
+    view.take(links(1.0, np.nan, np.nan, 40, 30))
+    assert link_words(view, 0, 1) == (
+        "UA 0 to node gcs: its latest packet never was on the air; 30 of 40 packets delivered"
+    )
+
+
+def test_how_time_goes_in_words() -> None:
+    view = view_of_two()
+    assert status_words(view, is_record=False) == "waits for the first tick"
+    view.take(replace(clock(12.34), speed=2.0, real_time_factor=1.96, stalled=("0",)))
+    assert time_words(view, is_record=False) == "12.3 s of sim time, 2.0 x real time"
+    assert status_words(view, is_record=False) == "running; not waited for: 0"
+    assert status_words(view, is_record=True) == "record, played 2 x"
+    view.take(replace(clock(12.4), speed=np.inf, real_time_factor=np.inf))
+    assert time_words(view, is_record=True) == "12.4 s of sim time"
+    assert status_words(view, is_record=True) == "record, played as fast as possible"
+    view.take(replace(clock(12.4), paused=True))
+    assert status_words(view, is_record=True) == "record, paused"
+    view.end()
+    assert status_words(view, is_record=False) == "over"
 
 
 def test_who_handed_a_packet_on_in_words() -> None:

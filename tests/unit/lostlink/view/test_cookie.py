@@ -19,7 +19,7 @@ async def _page(_scope: Any, _receive: Any, send: Any) -> None:
     await send({"type": "http.response.body", "body": b"page"})
 
 
-def answer(query: str = "", cookie: str = "") -> tuple[int, str]:
+def answer(query: str = "", cookie: str = "", port: int | None = None) -> tuple[int, str]:
     """Status, and the cookie that is set, of a request to a guarded page."""
     sent: list[Any] = []
 
@@ -30,7 +30,8 @@ def answer(query: str = "", cookie: str = "") -> tuple[int, str]:
         return {"type": "http.disconnect"}
 
     headers = [(b"host", b"127.0.0.1:8080"), *([(b"cookie", cookie.encode())] if cookie else [])]
-    scope = {"type": "http", "headers": headers, "query_string": query.encode()}
+    scope: dict[str, Any] = {"type": "http", "headers": headers, "query_string": query.encode()}
+    scope |= {} if port is None else {"server": ("127.0.0.1", port)}
     app = WithCookie(Guard(_page, ApiConfig(token=TOKEN), lambda _why: None), TOKEN)
     asyncio.run(app(scope, gone, send))
     return sent[0]["status"], dict(sent[0]["headers"]).get(b"set-cookie", b"").decode()
@@ -54,3 +55,19 @@ def test_a_cookie_that_fits_lets_in_and_one_that_does_not_is_taken_back() -> Non
 def test_a_wrong_address_does_not_take_a_good_cookie_away() -> None:
     assert answer("token=another-token-altogether", f"{COOKIE}={TOKEN}") == (401, "")
     assert answer() == (401, "")
+
+
+@pytest.mark.parametrize("other", ['settings={"a":1}', "a b=1", "x", "name=J\u00f6rg", 'q="a;b"'])
+def test_a_cookie_of_another_program_does_not_hide_it(other: str) -> None:
+    """A browser sends those of all ports of a host."""
+    assert answer(cookie=f"{other}; {COOKIE}={TOKEN}") == (200, "")
+    assert answer(cookie=f"{COOKIE}={TOKEN}; {other}") == (200, "")
+
+
+def test_two_views_of_a_host_have_a_cookie_each() -> None:
+    status, given = answer(f"token={TOKEN}", port=8081)
+    assert (status, given.partition(";")[0]) == (200, f"{COOKIE}_8081={TOKEN}")
+    both = f"{COOKIE}_8080=the-token-of-another-view; {COOKIE}_8081={TOKEN}"
+    assert answer(cookie=both, port=8081) == (200, "")
+    status, given = answer(cookie=both, port=8080)
+    assert (status, given.partition(";")[0]) == (401, f"{COOKIE}_8080=")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,19 @@ def test_packets_are_counted_where_the_link_was() -> None:
     assert bins.distance_m.tolist() == [BIN_WIDTH_M / 2, 1.5 * BIN_WIDTH_M]
     assert bins.sent.tolist() == [4, 8]
     assert bins.delivered.tolist() == [4, 5]
+
+
+def test_packets_that_never_were_on_the_air_are_counted_where_the_link_was_last() -> None:
+    """Those of a queue that is full; while a radio is off nothing is measured."""
+    history = LinkHistory(2)
+    history.take(links(0.2, 25.0, 0.0, 4, 4))
+    history.take(links(0.4, np.nan, np.nan, 8, 5))
+    history.take(replace(links(0.6, np.nan, np.nan, 12, 5), radio_off=(1,)))
+    history.take(links(0.8, 45.0, 0.0, 16, 9))
+    bins = history.by_distance()
+    assert bins.distance_m.tolist() == [1.5 * BIN_WIDTH_M, 2.5 * BIN_WIDTH_M]
+    assert bins.sent.tolist() == [8, 4]
+    assert bins.delivered.tolist() == [5, 4]
 
 
 def test_packets_from_before_somebody_looked_are_counted_nowhere() -> None:
@@ -99,3 +114,16 @@ def test_a_report_without_links_is_one() -> None:
     history.take(Links(Header.at(0, ""), ("0", "1")))
     assert history.reports == 1
     assert history.pairs()[0].size == 0
+
+
+def test_the_model_of_a_link_is_the_mean_of_the_packets_that_have_one() -> None:
+    """A packet that never was on the air has no PER: its radio was off, or its queue full."""
+    history = LinkHistory(2)
+    for number in range(2 * WINDOW):
+        per = 0.2 if number % 2 and number < WINDOW else np.nan
+        history.take(links(0.2 * number, 50.0, per, number, 0))
+    probability = history.series(0, 1).probability
+    assert np.isnan(probability[0])
+    assert probability[1 : 2 * WINDOW - 1] == pytest.approx(0.8)
+    assert np.isnan(probability[-1])
+    assert np.isnan(history.series(1, 0).probability).all()

@@ -14,7 +14,7 @@ from bridge.record.tables.states import STATES
 from lostlink.replay.player import Player
 from lostlink.view.picture.fleet_view import FleetView, view_of
 from lostlink.view.sources.record import RecordSource
-from tests.unit.lostlink.replay.flown import Said, flown, scenario_of
+from tests.unit.lostlink.replay.flown import TICK_NS, Said, flown, scenario_of
 
 SCENARIO = scenario_of("moon2020", ("0", "gcs", "1"))
 TICKS = 200
@@ -93,6 +93,17 @@ def test_a_step_is_a_tick(run: Path) -> None:
     before_ns = watched.view.sim_time_ns
     watched.source.step()
     assert watched.view.sim_time_ns == before_ns + 50_000_000
+
+
+@pytest.mark.parametrize("is_sought", [False, True])
+def test_what_is_said_is_said_at_its_tick(run: Path, is_sought: bool) -> None:
+    watched = Watched(run)
+    if is_sought:
+        watched.source.seek(3.0)
+    watched.wait(3.2)
+    told = {line.text: line.sim_time_ns for line in watched.view.lines if line.text.startswith("leg")}
+    assert told["leg 40"] == 40 * TICK_NS
+    assert told == {f"leg {tick}": tick * TICK_NS for tick in range(0, 20 * len(told), 20)}
 
 
 @pytest.mark.parametrize("way", [(7.0,), (2.0, 7.0), (9.0, 7.0), (9.5, 1.0, 7.0)])

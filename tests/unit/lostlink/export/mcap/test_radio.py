@@ -11,6 +11,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.scenario.mcap import McapSettings
 from lostlink.export.mcap.export import write_mcap
+from lostlink.reading.run import load_run
 from lostlink.replay.player import Player
 from tests.unit.lostlink.export.mcap.files import read_mcap
 from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown, scenario_of
@@ -60,3 +61,21 @@ def test_on_a_medium_that_takes_time_links_are_those_of_the_run_in_every_window(
     assert sorted(found) == sorted(zip(rows["received_ns"].tolist(), rows["seq"].tolist(), strict=True))
     sent = [sum(links.sent) for links in read.messages["/links"]]
     assert sent == np.cumsum(np.unique(rows["received_ns"], return_counts=True)[1]).tolist()
+
+
+@pytest.mark.parametrize("ticks", [3, 41, 100, 108])
+def test_the_last_links_have_the_counts_of_the_whole_run(tmp_path: Path, ticks: int) -> None:
+    """At whatever rate, and whether a window of 5 s has just begun."""
+    run = flown(tmp_path / "run", scenario_of("wifi-2.4", NODES), ticks)
+    write_mcap(run, tmp_path / "run.mcap", McapSettings())
+    read = read_mcap(tmp_path / "run.mcap")
+    last, whole = read.messages["/links"][-1], load_run(run).links
+    assert list(last.sent) == whole["sent"].tolist()
+    assert list(last.delivered) == whole["delivered"].tolist()
+    assert len(read.messages["/links"]) == -(-ticks // 10) + (ticks % 10 != 1)
+
+
+def test_a_rate_that_is_next_to_none_leaves_the_first_message(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 30)
+    counts = write_mcap(run, tmp_path / "run.mcap", McapSettings(rates_hz={"truth": 1e-12, "packets": 1e-12}))
+    assert (counts["/ua_0/truth"], counts["/ua_0/packets"]) == (1, 1)

@@ -115,3 +115,11 @@ def test_pausing_keeps_the_moment(run: Path) -> None:
     assert moved.do("status", "", 1.0) is None
     assert moved.player.now is moment
     assert moved.pace.paused
+
+
+def test_a_step_at_the_end_plays_no_tick_beyond_it(run: Path) -> None:
+    """Where it ends between two ticks."""
+    moved = controls(run, 2 * S, 3 * S + TICK_NS // 2)
+    assert played(moved)[-1] == 3 * S
+    assert moved.do("step", "", 0.0) is None
+    assert moved.status()["sim_time_s"] == 3.0
