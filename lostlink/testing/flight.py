@@ -61,10 +61,12 @@ class UaOfFlight(RecordedNode):
 
         Raises:
             AssertionError: it was not, by ``before_s`` or the end of the flight; the text says how near it came.
-            ValueError: no place was given, or the flight ended without a record that can be read.
+            ValueError: no place was given, or ``within_m`` is no distance; or the flight ended without a record that can be read.
             OSError: likewise.
         """
         place = Place(north_m, east_m, height_m)
+        if not within_m >= 0.0:
+            raise ValueError(f"within_m = {within_m}: at least 0")
         while True:
             is_over, recorded_s = self._flight.is_over, self._flight.recorded_s()
             try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -154,6 +155,9 @@ def test_answers_of_a_flight_that_goes_on_wait_for_their_time_and_go_as_far_as_w
     with pytest.raises(AssertionError, match=r"there and then from 6\.5 to 6\.0 s"):
         flight.link("0", "1").delivery(from_s=6.5)
     assert asyncio.run(flight.ua("1").at(north_m=80.0, within_m=1.0)) == 8.0
+    for wrong in (-1.0, math.nan):
+        with pytest.raises(ValueError, match="within_m"):
+            asyncio.run(flight.ua("1").at(north_m=80.0, within_m=wrong))
     assert len(flight.link("0", "1").packets()["tx"]) == 8
     with pytest.raises(ValueError, match="nothing is recorded"):
         flight.ua("1").position_ned_m(20.0)
