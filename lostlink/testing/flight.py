@@ -61,7 +61,8 @@ class UaOfFlight(RecordedNode):
 
         Raises:
             AssertionError: it was not, by ``before_s`` or the end of the flight; the text says how near it came.
-            ValueError: no place was given, or ``within_m`` is no distance; or the flight ended without a record that can be read.
+            ValueError: no place was given, ``within_m`` is no distance, or the flight ended without a record that can
+                be read.
             OSError: likewise.
         """
         place = Place(north_m, east_m, height_m)
