@@ -261,7 +261,8 @@ class Likelihood:
     def reading_shares(self, at: Parameters) -> FloatArray:
         """Return the law's distribution function at readings where even 3 sigma below the mean all arrives.
 
-        Each reading is spread over its bin by van der Corput's sequence: uniform from 0 to 1 if the law holds.
+        Each is spread over what its bin has of the law by van der Corput's sequence: uniform from 0 to 1 if the law
+        holds, also where a bin is wider than the law (Brockwell, Statistics & Probability Letters 77 (2007)).
         """
         sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
         out = []
@@ -270,10 +271,11 @@ class Likelihood:
             success = group.at_rssi.averaged(mean - 3.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
             sure = success > 0.999
             residual = self._rssi_dbm[group.heard][sure] - mean[sure]
-            spread = van_der_corput(residual.size) - 0.5
-            out.append(
-                share_below(residual + spread * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
+            low, high = (
+                share_below(residual + side * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
+                for side in (-0.5, 0.5)
             )
+            out.append(low + van_der_corput(residual.size) * (high - low))
         return np.concatenate(out)
 
     @property

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,6 +140,14 @@ def test_a_receivers_own_error_is_told_from_one_sided_shadowing():
             total += 1
             held += estimate.low <= truth[estimate.name] <= estimate.high
     assert held >= 0.88 * total
+
+
+@pytest.mark.parametrize(("sigma_db", "step_db"), [(0.0, 1.0), (0.5, 1.0)])
+def test_readings_in_steps_as_wide_as_the_shadowing_are_not_off_the_law(sigma_db, step_db):
+    config = presets.load_radio("corrected", {"shadowing": {"sigma_db": sigma_db}})
+    log = synthetic(config, 2000, 50, 1500, 2, rssi=True)
+    log = replace(log, rssi_dbm=np.round(log.rssi_dbm / step_db) * step_db)
+    assert fit_radio(log, config).goodness.readings > 0.01
 
 
 def test_readings_off_the_law_do_not_decide_a_fit():
