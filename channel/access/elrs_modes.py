@@ -64,6 +64,11 @@ class ElrsMode:
         return Carriers.centred(self.channels, self.spacing_hz)
 
     @property
+    def bit_rate_bps(self) -> float:
+        """Of a packet, with all that is on the air before and behind it."""
+        return 8e6 * self.packet_bytes / self.air_us
+
+    @property
     def data_bytes(self) -> int:
         """That a packet carries."""
         return 10 if self.packet_bytes == LONG_PACKET_BYTES else 5

@@ -40,6 +40,7 @@ class AirFrame:
         attempt: the how-manieth transmission of the same.
         channel: on which only those hear it that listen there.
         bit_rate_bps: at which its errors are reckoned; None: the radio's.
+        in_turn: it is its node's turn, which transmits something whatever became of frames before.
         met: what its world keeps of it; nobody else's.
     """
 
@@ -55,7 +56,13 @@ class AirFrame:
     attempt: int = 1
     channel: int = 0
     bit_rate_bps: float | None = None
+    in_turn: bool = False
     met: object = field(default=None, repr=False)
+
+    @property
+    def is_fair(self) -> bool:
+        """Whether it shows how good the channel is: frames that are tried again are more where it is bad."""
+        return self.in_turn or (self.kind == "data" and self.attempt == 1)
 
     @property
     def is_broadcast(self) -> bool:

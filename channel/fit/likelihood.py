@@ -50,6 +50,8 @@ NATURAL_LOW = np.isin(np.arange(len(ALL_NAMES)), (SIGMA, BASE, ERROR))
 """Where the lower limit is nature's, so that an interval may end there."""
 NATURAL_HIGH = np.arange(len(ALL_NAMES)) == ERROR
 LEAST_SIGMA_DB = 0.01
+STEEPEST_START = 12.0
+"""A line through readings that were all taken at about one distance may rise, or fall as steeply as no law does."""
 TINY = 1e-12
 Parameters = FloatArray
 """Exponent, offset in dB, shadowing, base loss, noise floor in dBm, the receiver's own error of RSSI in dB.
@@ -193,12 +195,14 @@ class Likelihood:
         for share in (0.5, 1.0):
             part = seen[self._decades[seen] <= np.quantile(self._decades[seen], share)]
             design = np.stack((np.ones(part.size), -10.0 * self._decades[part]), axis=-1)
-            (level, slope), *_ = np.linalg.lstsq(design, self._rssi_dbm[part], rcond=None)
+            (_, slope), *_ = np.linalg.lstsq(design, self._rssi_dbm[part], rcond=None)
+            slope = min(max(float(slope), 0.0), STEEPEST_START)
+            level = float(np.mean(self._rssi_dbm[part] + 10.0 * slope * self._decades[part]))
             spread = float(np.std(self._rssi_dbm[part] - design @ (level, slope)))
             if self._one_sided:  # the half-normal law: mean 0.798 sigma below its edge, deviation 0.603 sigma
                 spread /= 0.603
                 level += 0.798 * spread
-            offset = float(level) - self._power_at_reference
+            offset = level - self._power_at_reference
             floor = float(np.quantile(self._rssi_dbm[seen], 0.01)) - 6.0
             values = [float(slope), offset, max(spread, 0.3), base_loss, floor, 1.0]
             out.append(self.inside(self._coordinates(np.array(values))))
@@ -261,7 +265,8 @@ class Likelihood:
     def reading_shares(self, at: Parameters) -> FloatArray:
         """Return the law's distribution function at readings where even 3 sigma below the mean all arrives.
 
-        Each reading is spread over its bin by van der Corput's sequence: uniform from 0 to 1 if the law holds.
+        Each is spread over what its bin has of the law by van der Corput's sequence: uniform from 0 to 1 if the law
+        holds, also where a bin is wider than the law (Brockwell, Statistics & Probability Letters 77 (2007)).
         """
         sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
         out = []
@@ -270,10 +275,11 @@ class Likelihood:
             success = group.at_rssi.averaged(mean - 3.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
             sure = success > 0.999
             residual = self._rssi_dbm[group.heard][sure] - mean[sure]
-            spread = van_der_corput(residual.size) - 0.5
-            out.append(
-                share_below(residual + spread * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
+            low, high = (
+                share_below(residual + side * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
+                for side in (-0.5, 0.5)
             )
+            out.append(low + van_der_corput(residual.size) * (high - low))
         return np.concatenate(out)
 
     @property

@@ -79,7 +79,8 @@ class LinkWorld:
     A frame is drawn as a packet is by the medium itself, with the number of the transmission for a sequence number: the
     fate that it would have alone on the air is that, by the same laws. Interference raises the error rate piece by
     piece, against the same draw, and so does a source that is on in some slots and off in others. Only first
-    transmissions are judged: how often a frame is tried again depends on what was drawn.
+    transmissions are judged, and frames of nodes whose turn it is: how often a frame is tried again depends on what was
+    drawn.
 
     Args:
         medium: where the nodes are, and their radios.
@@ -147,7 +148,7 @@ class LinkWorld:
         if self.beside is not None:
             self.beside.starts(frame)
         key = _key(frame)
-        if frame.kind == "data" and frame.attempt == 1:
+        if frame.is_fair:
             met = self._expected.get(key) or Met(self._draw([frame]), 0, self._alone)
             if self._keeps:
                 self._first[key] = met

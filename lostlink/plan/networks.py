@@ -13,8 +13,11 @@ from bridge.scenario.modems import GroundModem
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import channel_of
 from bridge.scenario.resolve.radio import radios_of
+from channel.access.elrs_modes import ELRS_MODES
 from channel.access.settings.csma import CsmaMedium
+from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings, name_of
+from channel.access.settings.sik import SikMedium
 from channel.network.crossing import Crossing
 
 RATES_APART = 1.01
@@ -99,10 +102,20 @@ def rates_that_differ(scenario: Scenario) -> Iterator[str]:
                 f"radio of network {name}: frames last as long as at {rate_bps / 1e6:g} Mb/s (medium.{key}), and "
                 f"have the errors of {config.bit_rate_bps / 1e6:g} Mb/s (bit_rate_bps)"
             )
+        is_coded, coding = getattr(config.medium, "ecc", None), getattr(config.error, "coding", None)
+        if is_coded is not None and coding is not None and is_coded != (coding != "none"):
+            yield (
+                f"radio of network {name}: frames last as long as with ecc {str(is_coded).lower()} (medium.ecc), and "
+                f"have the errors of coding {coding} (error.coding)"
+            )
 
 
 def _own_rate(medium: MediumSettings) -> tuple[str, float | None]:
-    """The key of a medium's own bit rate, and that; None if frames last by the radio's, or by slots and modes."""
+    """The key of a medium's own bit rate, and that; None if frames last by the radio's, or by slots."""
     if isinstance(medium, CsmaMedium):
         return "rate_mbps", medium.rate_mbps * 1e6
+    if isinstance(medium, SikMedium):
+        return "air_kbps", medium.air_kbps * 1e3
+    if isinstance(medium, ElrsMedium):
+        return "mode", ELRS_MODES[medium.mode].bit_rate_bps
     return "bit_rate_bps", getattr(medium, "bit_rate_bps", None)

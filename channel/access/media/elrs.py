@@ -277,7 +277,15 @@ class Elrs(AccessMedium):
         now_ns, mode = self.agenda.now_ns, self.mode
         ended_ns, slot_ends_ns = now_ns + mode.air_us * US, now_ns + mode.interval_us * US
         frame = AirFrame(
-            way.node, way.frames, kind, mode.packet_bytes, now_ns, ended_ns, to=way.peer, channel=pair.channel
+            way.node,
+            way.frames,
+            kind,
+            mode.packet_bytes,
+            now_ns,
+            ended_ns,
+            to=way.peer,
+            channel=pair.channel,
+            in_turn=True,
         )
         way.frames += 1
         if fragment.length and way.chunk is not None:

@@ -80,8 +80,9 @@ class ByteStream:
     def cut(self, room_bytes: int, tick: int) -> list[Cut]:
         """What goes into a frame with so much room; nothing: there is nothing, or the next packet is held back."""
         parts: list[Cut] = []
+        is_stream = self._begun is not None
         while room_bytes > 0:
-            passage = self._passage(room_bytes, tick, is_first=not parts)
+            passage = self._begun or self._passage(room_bytes, tick, is_first=not parts, is_stream=is_stream)
             if passage is None:
                 break
             length_bytes = min(passage.unsent_bytes, room_bytes)
@@ -90,29 +91,39 @@ class ByteStream:
             room_bytes -= length_bytes
             parts.append(Cut(passage, length_bytes))
             self._begun = passage if passage.unsent_bytes else None
+            is_stream = is_stream or not self._stays_whole(passage.packet)
         return parts
 
-    def _passage(self, room_bytes: int, tick: int, *, is_first: bool) -> Passage | None:
-        """The packet that is cut next."""
-        if self._begun is not None:
-            return self._begun
+    def _stays_whole(self, packet: AirPacket) -> bool:
+        return packet.length_bytes <= self._framed_bytes
+
+    def _passage(self, room_bytes: int, tick: int, *, is_first: bool, is_stream: bool) -> Passage | None:
+        """The packet that is cut next; a frame has whole packets, or a part of the stream of those that are not."""
         packet = self._look()
         if packet is None:
             self._held = None
             return None
-        has_no_room = self._framed_bytes > 0 and packet.length_bytes > room_bytes
-        if has_no_room and not (is_first and self._may_be_cut(packet, tick)):
+        stays_whole = self._stays_whole(packet)
+        if is_first:
+            if stays_whole and packet.length_bytes > room_bytes and not self._may_be_cut(packet, tick):
+                return None
+        elif is_stream:
+            if stays_whole:
+                self._hold(packet, tick)
+                return None
+        elif not stays_whole or packet.length_bytes > room_bytes:
             return None
-        if has_no_room or packet is self._held:
+        if packet is self._held or packet.length_bytes > room_bytes:
             self._held = None
         taken = self._take()
         assert taken is packet
         return Passage(packet)
 
     def _may_be_cut(self, packet: AirPacket, tick: int) -> bool:
-        """Whether it is too long to stay whole, or it, or one whose place it took, has been held back long enough."""
-        if packet.length_bytes > self._framed_bytes:
-            return True
+        """Whether it, or one whose place it took, has been held back long enough."""
+        self._hold(packet, tick)
+        return tick - self._held_since > packet.length_bytes * SERIAL_BYTE_TICKS
+
+    def _hold(self, packet: AirPacket, tick: int) -> None:
         if self._held is None:
             self._held, self._held_since = packet, tick
-        return tick - self._held_since > packet.length_bytes * SERIAL_BYTE_TICKS

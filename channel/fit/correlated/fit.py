@@ -21,6 +21,7 @@ from channel.fit.correlated.propagation import CorrelatedLikelihood, Log
 from channel.fit.correlated.search import BASE, DECORRELATION, FLOOR, SIGMA, Found, Search
 from channel.fit.correlated.taken import TakenLog
 from channel.fit.flight_log import FlightLog
+from channel.fit.likelihood import LIMITS
 from channel.fit.result import Estimate, Level
 
 DECORRELATION_NAME = "shadowing.decorrelation_m"
@@ -39,6 +40,8 @@ SHORT = 5.0
 DOUBT = 5.0
 """Difference of log-likelihoods below which either may be."""
 LEAST_SIGMA_DB = 0.3
+EXPONENTS = LIMITS[LINE_NAMES[0]]
+NO_LAW_NOTE = "the readings rise with distance, or fall as steeply as no law does"
 UNDETERMINED_NOTE = "the data do not determine it"
 DOUBT_NOTE = "the data do not tell fading from readings that err: the interval holds both"
 
@@ -114,10 +117,18 @@ class CorrelatedFit:
         """The most likely values by name."""
         found = self.found
         out = {name: float(found.law[index]) for name, index in LAW_NAMES.items()}
-        out |= dict(zip(LINE_NAMES, self._near[:2].tolist(), strict=True))
-        free = [name for name, is_free in zip(LINE_NAMES, self._line_free, strict=True) if is_free]
-        out |= dict(zip(free, found.at_mode.line.tolist(), strict=True))
+        out |= dict(zip(LINE_NAMES, self._line().tolist(), strict=True))
         return out | ({K_NAME: k_db_of(self._own_scatter_db(found))} if self.faded else {})
+
+    def _line(self) -> FloatArray:
+        """Return exponent and offset: the most likely within what a law may have."""
+        line, free, mode = self._near[:2].copy(), self._line_free, self.found.at_mode
+        line[free] = mode.line
+        exponent = float(np.clip(line[0], *EXPONENTS))
+        if free.all():
+            line[1] += mode.covariance[1, 0] / mode.covariance[0, 0] * (exponent - line[0])
+        line[0] = exponent
+        return line
 
     def estimates(self) -> tuple[Estimate, ...]:
         """Return exponent, offset, sigma, base loss, floor and decorrelation distance; and K if packets fade."""
@@ -127,12 +138,25 @@ class CorrelatedFit:
     def _estimate(self, name: str) -> Estimate:
         if name in self._held:
             return Estimate(name, None, *OPEN, "as given: the base radio's")
-        ends = [self._ends(found, name) for found in self._either]
-        low, high = min(low for low, _ in ends), max(high for _, high in ends)
+        if name in LINE_NAMES and self._is_no_law():
+            return Estimate(name, None, *OPEN, NO_LAW_NOTE)
+        low, high = self._both_ends(name)
+        if name == LINE_NAMES[0] and math.isfinite(high - low):
+            low, high = max(low, EXPONENTS[0]), min(high, EXPONENTS[1])
         if math.isinf(low) or math.isinf(high):
             return Estimate(name, None, low, high, UNDETERMINED_NOTE)
-        note = DOUBT_NOTE if len(ends) > 1 else ""
+        note = DOUBT_NOTE if len(self._either) > 1 else ""
         return Estimate(name, min(max(self.values[name], low), high), low, high, note)
+
+    def _is_no_law(self) -> bool:
+        """Return whether the exponent is for certain none that a law may have."""
+        low, high = self._both_ends(LINE_NAMES[0]) if self._line_free[0] else OPEN
+        return high < EXPONENTS[0] or low > EXPONENTS[1]
+
+    def _both_ends(self, name: str) -> Ends:
+        """Return the interval that holds those of the fits that may be."""
+        ends = [self._ends(found, name) for found in self._either]
+        return min(low for low, _ in ends), max(high for _, high in ends)
 
     def _ends(self, found: Found, name: str) -> Ends:
         """Return the interval of one fit."""

@@ -32,6 +32,9 @@ AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
     show_default=True,
     help="Unit of RADIO_STATUS.rssi: SiK's, or dBm as a signed byte.",
 )
+@click.option(
+    "--network", default="main", show_default=True, help="Of a run with several radio networks, which."
+)
 @fit_options
 def fit(
     log: Path,
@@ -39,6 +42,7 @@ def fit(
     sender_sysid: int | None,
     receiver_at: str | None,
     rssi_scale: str,
+    network: str,
     **options: Any,
 ) -> None:
     """Fit a radio to a flight: to a table of packets, or to the LOG of the receiver and that of the sender, SENT.
@@ -66,7 +70,7 @@ def fit(
             f"{log}: the sender's own log (.tlog or .bin) is missing: it says where the sender was"
         )
     if sent is None and log.is_dir():
-        run_fit(request, log.name, lambda base: _from_run(base, log))
+        run_fit(request, log.name, lambda base: _from_run(base, log, network))
         return
     if sent is None:
         from channel.fit.columns import read_log
@@ -77,17 +81,29 @@ def fit(
     run_fit(request, log.stem, lambda base: _from_logs(base, log, sent, sender_sysid, place, rssi_scale))
 
 
-def _from_run(base: RadioConfig, run: Path) -> FlightLog:
+def _from_run(base: RadioConfig, run: Path, network: str) -> FlightLog:
+    import numpy as np
+
     from bridge.record.tables.deliveries import DELIVERIES
     from bridge.record.tables.reader import read_columns
     from channel.fit.columns import log_of_columns
 
-    names = ("distance_m", "fate", "length_bytes", "tx", "rx")
+    names = ("distance_m", "fate", "length_bytes", "tx", "rx", "radio", "attempts")
     try:
         columns = read_columns(run, DELIVERIES, names)
     except (OSError, ValueError) as error:
         raise BadInput(str(error)) from error
-    return log_of_columns(columns, base, str(run))
+    mine = columns["radio"] == network
+    if not mine.any() and mine.size:
+        there = ", ".join(sorted(set(columns["radio"].tolist())))
+        raise BadInput(f"--network {network}: {run} has packets of {there}")
+    again = int(np.count_nonzero(columns["attempts"][mine] > 1))
+    if again:
+        raise BadInput(
+            f"{run}: {again} of {np.count_nonzero(mine)} packets of network {network} were on the air more than once "
+            "(attempts): what became of them is no single trial of a radio"
+        )
+    return log_of_columns({name: values[mine] for name, values in columns.items()}, base, str(run))
 
 
 def _from_logs(

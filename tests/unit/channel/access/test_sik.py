@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from channel.access.media.sik import Sik, SikSettings
+from channel.access.media.sik_stream import ByteStream
 from channel.access.media.sik_timing import NOMINAL_TICK_NS, hop_order, sik_timing
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome
 from channel.access.queue import QueueLimits
@@ -207,6 +208,23 @@ def test_a_packet_that_finds_no_room_is_cut_in_the_next_window(air_kbps: int) ->
     assert [(one.packet.number, one.loss) for one in found] == [(number, None) for number in range(60)]
     assert max(one.at_ns - one.packet.at_ns for one in found) < (2 * 275 + 225 * 8 / air_kbps + 20) * MS
     assert {one.attempts for one in found} <= {1, 2}
+
+
+@pytest.mark.parametrize(
+    ("packets", "looks", "frames"),
+    [
+        ([245, 245, 100, 120], [(0, 250), (10, 250), (20, 250)], [250, 240, 220]),
+        ([200, 60, 70], [(0, 150), (2001, 150), (2010, 250), (2020, 250)], [0, 150, 50, 130]),
+        ([245, 200], [(0, 150), (10, 150), (20, 150), (2011, 150), (2012, 250)], [150, 95, 0, 150, 50]),
+    ],
+)
+def test_frames_are_those_of_the_firmware(
+    packets: list[int], looks: list[tuple[int, int]], frames: list[int]
+) -> None:
+    """Bytes that its `packet_get_next`, compiled, returns at ticks and with so much room, MAVLINK = 1, at 64 kb/s."""
+    queue = [AirPacket(0, number, None, length_bytes, 0) for number, length_bytes in enumerate(packets)]
+    stream = ByteStream(lambda: queue[0] if queue else None, lambda: queue.pop(0), sik_timing().framed_bytes)
+    assert [sum(part.length_bytes for part in stream.cut(room, tick)) for tick, room in looks] == frames
 
 
 def test_a_packet_that_takes_the_place_of_one_that_was_held_back_is_cut_as_that() -> None:

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,6 +140,32 @@ def test_a_receivers_own_error_is_told_from_one_sided_shadowing():
             total += 1
             held += estimate.low <= truth[estimate.name] <= estimate.high
     assert held >= 0.88 * total
+
+
+@pytest.mark.parametrize(("sigma_db", "step_db"), [(0.0, 1.0), (0.5, 1.0)])
+def test_readings_in_steps_as_wide_as_the_shadowing_are_not_off_the_law(sigma_db, step_db):
+    config = presets.load_radio("corrected", {"shadowing": {"sigma_db": sigma_db}})
+    log = synthetic(config, 2000, 50, 1500, 2, rssi=True)
+    log = replace(log, rssi_dbm=np.round(log.rssi_dbm / step_db) * step_db)
+    assert fit_radio(log, config).goodness.readings > 0.01
+
+
+@pytest.mark.parametrize(
+    ("span_m", "rise_db"), [(5.0, 0.0), (5.0, 3.0), (5.0, -6.0), (1000.0, 20.0), (1000.0, 60.0)]
+)
+def test_readings_over_a_few_metres_or_that_rise_with_distance_do_not_stop_a_fit(span_m, rise_db):
+    """A hover, whose line through the readings may have any slope; and a column of losses taken for powers."""
+    share = np.linspace(0.0, 1.0, 300)
+    noise_db = np.random.Generator(np.random.PCG64(0)).normal(0.0, 2.0, 300)
+    log = FlightLog(
+        1000.0 + span_m * share, np.ones(300), np.full(300, 40.0), -80.0 + rise_db * share + noise_db
+    )
+    base = presets.load_radio("corrected")
+    fit = fit_radio(log, base)
+    exponent = next(each for each in fit.estimates if each.name == "propagation.exponent")
+    assert exponent.value is None
+    assert exponent.note
+    assert fitted_radio(fit, base, "mine").propagation.exponent >= 0.0
 
 
 def test_readings_off_the_law_do_not_decide_a_fit():

@@ -199,3 +199,22 @@ def test_intervals_of_correlated_logs_hold_the_truth():
             )
             total += len(truth.by_name)
     assert held >= 0.93 * total
+
+
+def test_a_short_leg_whose_readings_rise_has_an_exponent_that_a_law_may_have():
+    """Shadowing of 6 dB over 60 m beside 3 dB that the law falls by over 200 m: the likeliest line rises."""
+    rng = np.random.Generator(np.random.PCG64(4))
+    metres, exponent = np.linspace(600.0, 800.0, 400), 2.2
+    shadow_db, rho = [6.0 * rng.standard_normal()], np.exp(-0.5 / 60.0)
+    for fresh in rng.standard_normal(399):
+        shadow_db.append(rho * shadow_db[-1] + 6.0 * np.sqrt(1.0 - rho * rho) * fresh)
+    rssi_dbm = np.round(-20.0 - 10.0 * exponent * np.log10(metres) + np.array(shadow_db))
+    assert np.polyfit(np.log10(metres), rssi_dbm, 1)[0] > 30.0
+    log = FlightLog(metres, np.ones(400), np.full(400, 40.0), rssi_dbm)
+    base = load_radio("corrected")
+    fit = fit_radio(log, base)
+    assert fit.correlated
+    found = next(each for each in fit.estimates if each.name == "propagation.exponent")
+    assert found.low == 0.0
+    assert found.low <= found.value < exponent < found.high
+    assert fitted_radio(fit, base, "mine").propagation.exponent == pytest.approx(found.value)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.deliveries import DeliveryWriter, Vocabulary
 from bridge.record.tables.every import finish_tables
 from channel.link.radio import Radio
 from channel.presets import load_radio
@@ -17,8 +17,8 @@ from lostlink.cli.records.fit import fit
 from lostlink.export.csv_files import export_csv
 
 
-def fitted(log: Path) -> Result:
-    return CliRunner().invoke(fit, [str(log), "--radio", "corrected", "--json"])
+def fitted(log: Path, *options: str) -> Result:
+    return CliRunner().invoke(fit, [str(log), "--radio", "corrected", "--json", *options])
 
 
 @pytest.fixture
@@ -67,6 +67,48 @@ def test_the_same_fit_from_whatever_a_run_left(run: Path) -> None:
     assert found[0]["packets"] == 3000
     assert 100 < found[0]["delivered"] < 2900
     assert all(each == found[0] for each in found)
+
+
+def packets(run: Path, radio: str, exponent: float, attempts: int = 1) -> None:
+    """Packets of a network, whose losses grow with distance as the exponent says."""
+    rng = np.random.Generator(np.random.PCG64(2))
+    distance_m = rng.uniform(50.0, 1500.0, 2000)
+    snr_db = 8.0 - 10.0 * exponent * np.log10(distance_m / 500.0)
+    words = Vocabulary()
+    writer = DeliveryWriter(run, ("0", "1"), words)
+    for name, lost in ((radio, snr_db < rng.normal(4.0, 3.0, 2000)), ("other", distance_m < 1e9)):
+        writer.append(
+            2000,
+            sim_time_ns=np.arange(2000),
+            tx=0,
+            rx=1,
+            seq=np.arange(2000),
+            length_bytes=324,
+            distance_m=distance_m,
+            **dict.fromkeys(("received_power_dbm", "snr_db", "per"), np.nan),
+            fate=lost.astype(int),
+            radio=words.places("radio", [name])[0],
+            received_ns=0,
+            attempts=attempts,
+        )
+    writer.close()
+
+
+def test_a_fit_is_of_one_network(tmp_path: Path) -> None:
+    """Beside one that brought nothing over; both together had half of the packets near by lost."""
+    packets(tmp_path, "main", 2.5)
+    found = json.loads(fitted(tmp_path).output)
+    assert found["packets"] == 2000
+    assert found["radio"]["base_loss"] < 0.05
+    assert "none of 2000 packets arrived" in fitted(tmp_path, "--network", "other").output
+    assert "has packets of main, other" in fitted(tmp_path, "--network", "mesh").output
+
+
+def test_packets_that_were_tried_again_are_no_trials_of_a_radio(tmp_path: Path) -> None:
+    packets(tmp_path, "main", 2.5, attempts=3)
+    done = fitted(tmp_path)
+    assert done.exit_code != 0
+    assert "2000 of 2000 packets of network main were on the air more than once" in done.output
 
 
 def test_a_directory_that_is_no_run_is_refused(tmp_path: Path) -> None:

@@ -228,7 +228,8 @@ def test_load_on_expresslrs_is_held_against_user_bytes() -> None:
         assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([up, down], rel=1e-3)
         assert load["airtime_share"] == pytest.approx(max(up, down), rel=1e-3)
     assert up < down
-    plan = on_medium("model=elrs", "mode=lora-333-full", more=["transmit.every_ticks=4"])
+    more = ["transmit.every_ticks=4", "radio.bit_rate_bps=43.8e3"]
+    plan = on_medium("model=elrs", "mode=lora-333-full", more=more)
     assert plan["load"]["capacity_bps"] == pytest.approx(8 * 62 / (7 * 4 * 0.003003))
     (warning,) = plan["warnings"]
     assert f"a node offers {5 * 8 * HOLDS_BYTES / plan['load']['capacity_bps']:.3g} times" in warning
@@ -429,6 +430,38 @@ def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
         "(bit_rate_bps)"
     ]
     assert plan_with("radio=wifi-5.8", "transmit.every_ticks=20")["warnings"] == []
+
+
+LASTS = "radio of network main: frames last as long as "
+
+
+@pytest.mark.parametrize(
+    ("changes", "warnings"),
+    [
+        (["radio=telemetry-915"], []),
+        (["radio=elrs-2.4-333full"], []),
+        (["radio=elrs-900-200"], []),
+        (
+            ["radio=telemetry-915", "radio.medium.air_kbps=32"],
+            ["at 0.032 Mb/s (medium.air_kbps), and have the errors of 0.064 Mb/s (bit_rate_bps)"],
+        ),
+        (["radio=telemetry-915", "radio.medium.air_kbps=32", "radio.bit_rate_bps=32e3"], []),
+        (
+            ["radio=telemetry-915", "radio.medium.ecc=true"],
+            ["with ecc true (medium.ecc), and have the errors of coding none (error.coding)"],
+        ),
+        (["radio=telemetry-915", "radio.medium.ecc=true", "radio.error.coding=golay"], []),
+        (
+            ["radio=elrs-900-200", "radio.medium.mode=900-25"],
+            ["at 0.00213689 Mb/s (medium.mode), and have the errors of 0.0146 Mb/s (bit_rate_bps)"],
+        ),
+    ],
+)
+def test_a_modem_of_another_rate_or_code_than_its_errors_is_warned_of(
+    changes: list[str], warnings: list[str]
+) -> None:
+    found = plan_with(*changes, "transmit.every_ticks=200")["warnings"]
+    assert [each for each in found if each.startswith(LASTS)] == [LASTS + each for each in warnings]
 
 
 JAMMED = """\
