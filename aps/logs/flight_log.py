@@ -113,6 +113,7 @@ class _Track:
     @classmethod
     def of(cls, rows: Iterable[tuple[float, float, float, float]]) -> _Track:
         table = np.array(sorted(rows), dtype=np.float64).reshape(-1, 4)
+        table[:, 2] = np.unwrap(table[:, 2], period=360.0)  # 179.99 and -179.99 are neighbours
         return cls(table[:, 0], table[:, 1:].T)
 
     def at(self, time_s: FloatArray) -> FloatArray:
@@ -383,9 +384,8 @@ def _receivers(
 def _distance_m(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the distance between places on a sphere, good to 0.5 % over the ranges of a radio."""
     north = np.radians(second[0] - first[0]) * EARTH_RADIUS_M
-    east = (
-        np.radians(second[1] - first[1]) * EARTH_RADIUS_M * np.cos(np.radians(0.5 * (first[0] + second[0])))
-    )
+    east_deg = (second[1] - first[1] + 180.0) % 360.0 - 180.0
+    east = np.radians(east_deg) * EARTH_RADIUS_M * np.cos(np.radians(0.5 * (first[0] + second[0])))
     return np.asarray(np.sqrt(north**2 + east**2 + (second[2] - first[2]) ** 2))
 
 

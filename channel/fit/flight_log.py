@@ -203,5 +203,6 @@ def _separation_m(places: list[float]) -> float:
     """Return the distance of two geodetic places on a sphere, good to 0.5 % over the ranges of a radio."""
     lat_1, lon_1, alt_1, lat_2, lon_2, alt_2 = places
     north = np.radians(lat_2 - lat_1) * EARTH_RADIUS_M
-    east = np.radians(lon_2 - lon_1) * EARTH_RADIUS_M * np.cos(np.radians(0.5 * (lat_1 + lat_2)))
+    east_deg = (lon_2 - lon_1 + 180.0) % 360.0 - 180.0
+    east = np.radians(east_deg) * EARTH_RADIUS_M * np.cos(np.radians(0.5 * (lat_1 + lat_2)))
     return float(np.sqrt(north**2 + east**2 + (alt_2 - alt_1) ** 2))

@@ -80,6 +80,25 @@ def test_gaps_distances_and_rssi_come_out_as_they_went_in(tmp_path):
     assert set(link.length_bytes[link.delivered]) == {float(len(each)) for each in sender.frames}
 
 
+def test_distances_over_the_180th_meridian_are_as_anywhere(tmp_path):
+    class Eastward(Sender):
+        def _frame(self, k):
+            east_deg = self.distance_m[k] / METRES_PER_DEGREE / np.cos(np.radians(HOME.lat_deg))
+            lon_deg = (179.9995 + east_deg + 180.0) % 360.0 - 180.0  # beyond it after 38 m
+            fields = round(HOME.lat_deg * 1e7), round(lon_deg * 1e7), round(HOME.alt_amsl_m * 1e3)
+            message = mavlink.MAVLink_global_position_int_message(
+                round(self.boot_s[k] * 1e3), *fields, 0, 0, 0, 0, 0
+            )
+            packed = message.pack(self.mav)
+            self.mav.seq = (self.mav.seq + 1) % 256
+            return bytes(packed)
+
+    sender = Eastward(7, 400)
+    received, sent = (write_tlog(tmp_path / name, sender.tlog(5e8)) for name in ("ground.tlog", "ua.tlog"))
+    link = read_link(received, sent, receiver_at=LoggedPlace(HOME.lat_deg, 179.9995, HOME.alt_amsl_m))
+    assert link.distance_m[:-1] == pytest.approx(sender.distance_m[:-1], abs=0.05)
+
+
 def test_a_receiver_that_flies_is_where_its_own_autopilot_says(tmp_path):
     sender, receiver = Sender(1, 400), Sender(2, 400, speed_mps=-2.0)
     entries = sender.tlog(BOOT_AT_RECEIVER_S) + receiver.tlog(BOOT_AT_RECEIVER_S)

@@ -320,7 +320,9 @@ def test_command_reads_a_log_and_writes_a_radio(tmp_path):
 def test_log_with_positions_and_fates(tmp_path):
     log = tmp_path / "log.csv"
     heading = "tx_lat_deg,tx_lon_deg,tx_alt_m,rx_lat_deg,rx_lon_deg,rx_alt_m,fate,rssi_dbm,length_bytes"
-    log.write_text(f"{heading}\n0,0,40,0,0.001,40,delivered,-71.5,80\n0,0,40,0.001,0,40,channel_erasure,,\n")
+    log.write_text(
+        f"{heading}\n0,179.9995,40,0,-179.9995,40,delivered,-71.5,80\n0,0,40,0.001,0,40,channel_erasure,,\n"
+    )
     read = read_flight_log(log, 40)
     assert read.distance_m == pytest.approx([111.195, 111.195], abs=0.01)
     assert read.delivered.tolist() == [True, False]
