@@ -19,7 +19,7 @@ from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
-from bridge.record.events import Report
+from bridge.record.events import AGENT_WARNING, Report
 from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
@@ -91,6 +91,8 @@ class RecordedRadio:
         self.core = VirtualRadio(airs, ring, self._modems)
         self.picture = Picture(nodes)
         self._free = {node.node for node in scenario.transceivers if not node.has_agent}
+        self._several: set[str] = set()
+        """Free nodes as which several programs transmit."""
         self._has_lost_fates = False
         """A channel that raises leaves packets without a fate: books that cannot be closed."""
         self._data_channel = scenario.transmit.channel
@@ -125,6 +127,7 @@ class RecordedRadio:
         """Take what a node transmits."""
         if not self.core.on_packet(address, payload, encoding, stamp, handling):
             self.tell_refusal(f"a packet of node {address.node} to {address.to} on {address.channel}")
+            self._tell_if_several(address.node, stamp)
             return
         self._tell_if_free(address.node)
         if address.channel == self._data_channel and not _is_package(payload, encoding):
@@ -159,6 +162,15 @@ class RecordedRadio:
             self._free.discard(node)
             text = f"a program that the clock does not wait for transmits as node {node}"
             self._report.may_not_repeat(text)
+
+    def _tell_if_several(self, node: str, refused: Stamp | None) -> None:
+        """Of programs that the clock does not wait for one at a time is to transmit as a node; numbers of two meet."""
+        if refused is None or node in self._several or node not in self.core.nodes or node in self.core.ring:
+            return
+        if refused.seq < self.core.next_packet(node).seq:
+            self._several.add(node)
+            text = "two programs transmit as it at once: of packets with one number the later is refused"
+            self._report.event(self.core.ring.received_ns, node, AGENT_WARNING, text)
 
     def tell_refusal(self, text: str) -> None:
         """Log what was refused, the first times."""

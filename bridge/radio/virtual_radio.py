@@ -122,7 +122,10 @@ class VirtualRadio:
         stamp: Stamp | None,
         handling: Handling = PLAIN,
     ) -> bool:
-        """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate."""
+        """Take a packet with its sender's stamp; returns whether it was. `settle` decides its fate.
+
+        One that comes late, from a program that the clock does not wait for, is transmitted at the tick that is open.
+        """
         air = self._by_name.get(address.radio)
         why = self._why_refused(address, air, encoding, stamp)
         if stamp is None or air is None or why is not None:
@@ -130,11 +133,13 @@ class VirtualRadio:
             return False
         to = air.addressees[address.to]
         route = f"{address.radio}/{address.to}/{address.channel}"
-        tx = self._index[address.node]
+        tx, at_ns = self._index[address.node], stamp.sim_time_ns
+        if address.node not in self.ring:
+            at_ns = max(at_ns, self.ring.received_ns)
         return self._senders.take(
             TxPacket(
                 stamp.seq,
-                stamp.sim_time_ns,
+                at_ns,
                 route,
                 payload,
                 encoding,

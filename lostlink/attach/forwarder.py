@@ -12,6 +12,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import Final
 
 from bridge.bus.keys import ALL
+from bridge.host.node import ENTERING_MAX, ENTERING_MAX_BYTES
 from lostlink.attach.addresses import LIMITED_BROADCAST
 
 HEADER_MIN_BYTES: Final = 20
@@ -27,6 +28,7 @@ class Dropped(StrEnum):
     MALFORMED = "malformed"
     TOO_LONG = "longer than the MTU"
     NO_NODE = "for no node on the radio"
+    TOO_MANY = "more than a node takes in a tick"
     NOT_TAKEN = "not taken by the interface"
 
 
@@ -51,21 +53,34 @@ class Forwarder:
         self._to = {address.packed: each for each, address in addresses.items() if each != node}
         self._to |= {address.packed: ALL for address in (subnet.broadcast_address, LIMITED_BROADCAST)}
         self._mtu_bytes = mtu_bytes
+        self._in_tick = self._in_tick_bytes = 0
         self.sent = self.sent_bytes = self.received = self.received_bytes = 0
         self.dropped: Counter[Dropped] = Counter()
 
+    def tick(self) -> None:
+        """The node takes as much again."""
+        self._in_tick = self._in_tick_bytes = 0
+
     def outgoing(self, raw: bytes) -> str | None:
         """Whom a packet of the program's is for, a node or all; None if it goes nowhere, which is counted."""
-        why = _mistake(raw)
-        if why is None and len(raw) > self._mtu_bytes:
-            why = Dropped.TOO_LONG
+        why = self._why_dropped(raw)
         to = None if why is not None else self._addressee(raw[_DESTINATION])
         if to is None:
             self.dropped[why or Dropped.NO_NODE] += 1
             return None
+        self._in_tick += 1
+        self._in_tick_bytes += len(raw)
         self.sent += 1
         self.sent_bytes += len(raw)
         return to
+
+    def _why_dropped(self, raw: bytes) -> Dropped | None:
+        if (why := _mistake(raw)) is not None:
+            return why
+        if len(raw) > self._mtu_bytes:
+            return Dropped.TOO_LONG
+        is_full = self._in_tick >= ENTERING_MAX or self._in_tick_bytes + len(raw) > ENTERING_MAX_BYTES
+        return Dropped.TOO_MANY if is_full else None
 
     def incoming(self, raw: bytes) -> bool:
         """Whether what the radio delivered is a packet for the program; the rest is counted."""

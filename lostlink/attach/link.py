@@ -98,6 +98,7 @@ class IpLink:
 
     def _clock_came(self, sample: Sample) -> None:
         clock = decode(sample.payload.to_bytes(), Clock)
+        self._forwarder.tick()
         self.clock.came(clock.header.stamp.ns, self._loop.time(), clock.speed)
 
     def _pace_came(self, sample: Sample) -> None:

@@ -160,7 +160,7 @@ def _route(destination: str, mask: str, interface: bytes) -> bytes:
 
 
 def own_files(hosts: str) -> str:
-    """Have /etc/hosts begin with ``hosts`` and /proc show the namespace's processes, in this mount namespace alone.
+    """Have /etc/hosts begin with ``hosts``, and /proc and /sys show the namespace's, in this mount namespace alone.
 
     Returns:
         What of it cannot be, or "".
@@ -170,10 +170,12 @@ def own_files(hosts: str) -> str:
         name_hosts(hosts)
     except OSError as error:
         return f"names of nodes do not work ({error.strerror}): use their addresses"
-    try:
-        _called("mount", b"proc", b"/proc", b"proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, None)
-    except OSError as error:
-        return f"/proc has process ids of this machine, not those that the program sees ({error.strerror})"
+    shown = {b"proc": "process ids", b"sysfs": "network interfaces"}
+    for (kind, what), place in zip(shown.items(), (b"/proc", b"/sys"), strict=True):
+        try:
+            _called("mount", kind, place, kind, MS_NOSUID | MS_NODEV | MS_NOEXEC, None)
+        except OSError as error:
+            return f"{place.decode()} has {what} of this machine, not those that the program sees ({error.strerror})"
     return ""
 
 

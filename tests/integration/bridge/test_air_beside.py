@@ -13,6 +13,7 @@ from bridge.agents import connect_ua
 from bridge.agents.client import UaClient
 from bridge.agents.radio import UnicastReply
 from lostlink import load_run
+from lostlink.redecision.redecide import redecide
 from tests.integration.bridge.conftest import StartRun
 from tests.integration.bridge.test_air import FLAT, RADIO, node, rows, told
 
@@ -172,6 +173,68 @@ def test_a_free_program_sees_its_queue_and_what_became_of_its_unicasts(
     ]
     assert max(packets for _, packets, _ in queues) > 10
     assert queues[-1][1:] == (0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
+def test_packets_of_free_programs_enter_at_their_node_s_phase_and_are_decided_alike_again(
+    start_run: StartRun, processes: str
+) -> None:
+    """Two that send at each tick, a few per cent of what the medium carries: they do not meet."""
+    other = PROBE | {"id": "other", "place": {"east_m": 100.0}}
+    transmit = FLAT | {"phase_s": "drawn"}
+    run = start_run(
+        scenario=scenario([node(0, 0.0), PROBE, other], transmit=transmit, seed=1),
+        duration_s=8.0,
+        speed="2",
+        processes=processes,
+    )
+    run.wait_for("sim time")
+
+    async def talk(name: str) -> None:
+        async with connect_ua(run.directory, name, is_sender=True) as program:
+            ticks = asyncio.Semaphore(0)
+            program.on_tick(lambda _: ticks.release())
+            for _ in range(40):
+                await asyncio.wait_for(ticks.acquire(), 30.0)
+                program.transmit("test", bytes(100))
+
+    async def both() -> None:
+        await asyncio.gather(talk("probe"), talk("other"))
+
+    asyncio.run(both())
+    assert run.finish() == 0, run.output.decode()
+    flown = load_run(run.directory)
+    sent = flown.packets[flown.packets.channel == "test"]
+    phases = (sent.entered_ns - sent.sim_time_ns).groupby(sent.tx.astype(str)).agg(["min", "max"])
+    assert (phases["min"] == phases["max"]).all()
+    assert phases["min"].nunique() == 2
+    assert ((phases["min"] > 0) & (phases["min"] < TICK_NS)).all()
+    assert (sent.fate == "delivered").all()
+    assert redecide(run.directory).comparison.is_same
+
+
+@pytest.mark.slow
+def test_two_programs_at_once_as_one_node_are_told_of(start_run: StartRun) -> None:
+    run = start_run(scenario=scenario([node(0, 0.0), PROBE]), duration_s=8.0, speed="2", processes="one")
+    run.wait_for("sim time")
+
+    async def talk() -> None:
+        one, two = (connect_ua(run.directory, "probe", is_sender=True) for _ in range(2))
+        async with one as first, two as second:
+            ticks = asyncio.Semaphore(0)
+            second.on_tick(lambda _: ticks.release())
+            for _ in range(10):
+                await asyncio.wait_for(ticks.acquire(), 30.0)
+                first.transmit("test", b"first")
+                second.transmit("test", b"second")
+
+    asyncio.run(talk())
+    assert run.finish() == 0, run.output.decode()
+    told = [event for event in load_run(run.directory).summary["events"] if event["kind"] == "agent_warning"]
+    text = "two programs transmit as it at once: of packets with one number the later is refused"
+    assert [(event["node"], event["text"]) for event in told] == [("probe", text)]
+    assert f"the agent of node probe: {text}" in run.output.decode()
 
 
 def waiting(sent: pd.DataFrame, ended_ns: dict[int, int], at_ns: int) -> tuple[int, int]:

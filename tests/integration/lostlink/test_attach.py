@@ -170,7 +170,7 @@ def test_a_run_that_is_over_or_repeats_another_takes_nothing(run: Standing, atta
 @needs_namespace
 def test_the_program_has_interface_addresses_and_names_and_its_exit_code_is_ours(attach: Attach) -> None:
     code = (
-        "import fcntl, socket, struct, sys\n"
+        "import fcntl, os, socket, struct, sys\n"
         "print([name for _, name in socket.if_nameindex()])\n"
         "s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\n"
         "ask = lambda what: fcntl.ioctl(s, what, struct.pack('16s24x', b'radio0'))\n"
@@ -178,6 +178,7 @@ def test_the_program_has_interface_addresses_and_names_and_its_exit_code_is_ours
         "print(struct.unpack('16si20x', ask(0x8921))[1])\n"
         "print([socket.gethostbyname(name) for name in ('ua-0', 'ua-1', 'gcs', 'localhost')])\n"
         "print(open('/etc/hosts').readlines()[:3])\n"
+        "print(sorted(os.listdir('/sys/class/net')))\n"
         "s.sendto(b'x', ('127.0.0.1', 9))\n"
         "try:\n    s.sendto(b'x', ('192.0.2.1', 9))\nexcept OSError as error:\n    print(error.strerror)\n"
         "sys.exit(5)\n"
@@ -190,6 +191,7 @@ def test_the_program_has_interface_addresses_and_names_and_its_exit_code_is_ours
         "300",
         "['172.20.0.1', '172.20.0.2', '172.20.1.254', '127.0.0.1']",
         "['172.20.0.1 ua-0\\n', '172.20.0.2 ua-1\\n', '172.20.1.254 gcs\\n']",
+        "['lo', 'radio0']",
         "Network is unreachable",
     ]
     assert status == 5

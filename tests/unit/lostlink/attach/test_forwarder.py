@@ -40,6 +40,14 @@ def test_whom_a_packet_is_for(destination: str, to: str | None) -> None:
     assert (one.sent, one.sent_bytes) == ((1, 25) if to else (0, 0))
 
 
+def test_more_than_a_node_takes_in_a_tick_is_counted() -> None:
+    one, packet = forwarder(), ip_packet("10.42.0.2")
+    assert sum(one.outgoing(packet) is not None for _ in range(2500)) == one.sent == 2000
+    assert one.dropped == {Dropped.TOO_MANY: 500}
+    one.tick()
+    assert one.outgoing(packet) == "1"
+
+
 def test_a_header_with_options_is_one() -> None:
     assert forwarder().outgoing(ip_packet("10.42.0.2", options=bytes(40))) == "1"
 
