@@ -21,6 +21,8 @@ FIGURE_FILE = "probability_of_delivery.png"
 MARKERS = "os^vD<>Pp*"
 LINKS_MAX = 8
 """Of more links than this the figure shows all together."""
+CURVE_POINTS = 200
+"""One for each five pixels; each may take 6 ms, where random terms are averaged over."""
 SPREAD_SENT_MIN = 20
 """Bins with fewer packets say little of how far apart links are."""
 
@@ -36,7 +38,7 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
     Returns:
         Distances in m and probabilities of delivery, of one length.
     """
-    distance_m = np.linspace(1.0, farthest_m, 600)
+    distance_m = np.linspace(1.0, farthest_m, CURVE_POINTS)
     with suppress(OutsideValidityError):
         if not getattr(radio.config.propagation, "needs_places", False):
             return distance_m, radio.probability_of_delivery(distance_m)
