@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Self, TypeVar
 
 from bridge.record.appending import append_units
+from bridge.run.whole_file import whole_file
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -119,11 +120,9 @@ def pack_stream(path: Path) -> None:
     """
     import zstandard  # no process of a running simulation needs it
 
-    packed = packed_path(path)
-    partial = packed.with_name(packed.name + ".partial")
-    with path.open("rb") as source, partial.open("wb") as file:
-        zstandard.ZstdCompressor(PACK_LEVEL, write_checksum=True).copy_stream(source, file)
-    partial.replace(packed)
+    packing = zstandard.ZstdCompressor(PACK_LEVEL, write_checksum=True)
+    with path.open("rb") as source, whole_file(packed_path(path)) as partial, partial.open("wb") as file:
+        packing.copy_stream(source, file)
     path.unlink()
 
 
