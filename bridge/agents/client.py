@@ -357,7 +357,7 @@ class UaClient(Commands):
         raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
 
     def _still_waiting(self) -> TimeoutError:
-        return TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.1f} s of sim time")
+        return TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.2f} s of sim time")
 
     def _over(self, what: str) -> RunOver:
         return RunOver(f"UA {self.node}: {what}: the run is over")

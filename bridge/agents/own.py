@@ -73,7 +73,7 @@ def _from_file(path: Path, node: str) -> ModuleType:
     # Loaded anew for each UA, also where several share a process: what a module keeps is then that UA's own, and a run
     # does not depend on how UA are spread over processes. (Modules that the file imports are shared.) Nor does its
     # name, which is in texts and pickles of its classes.
-    name = f"{path.stem}__{node or next(_numbers)}"
+    name = f"{path.stem}__{node}" if node else f"{path.stem}___{next(_numbers)}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None

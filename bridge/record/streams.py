@@ -13,7 +13,10 @@ import io
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, Self, TypeVar
+
+from bridge.record.appending import append_units
+from bridge.run.whole_file import whole_file
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -60,7 +63,8 @@ class StreamWriter:
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
-        self._file: BinaryIO = path.open("wb", buffering=BUFFER_BYTES)
+        self._raw = io.FileIO(path, "w")
+        self._file = io.BufferedWriter(self._raw, BUFFER_BYTES)
         self._append = self._file.write
         self._append(_START)
         self._tick_ns = 0
@@ -76,8 +80,12 @@ class StreamWriter:
         if len(payload) > PAYLOAD_MAX_BYTES:
             raise ValueError(f"{self._path}: {len(payload)} bytes; up to {PAYLOAD_MAX_BYTES} are allowed")
         self._tick_ns = tick_ns
-        head = _HEAD.pack(tick_ns, len(payload))
-        self._append(b"".join((head, payload)))  # at once: a full disk takes both or neither
+        entry = _HEAD.pack(tick_ns, len(payload)) + payload
+        if len(entry) <= BUFFER_BYTES:  # the buffer takes all of it or, if the disk has no room, nothing
+            self._append(entry)
+        else:
+            self._file.flush()
+            append_units(self._raw, entry, len(entry))
 
     def flush(self) -> None:
         """Hand everything to the operating system, so that it is there if this process is killed."""
@@ -112,11 +120,9 @@ def pack_stream(path: Path) -> None:
     """
     import zstandard  # no process of a running simulation needs it
 
-    packed = packed_path(path)
-    partial = packed.with_name(packed.name + ".partial")
-    with path.open("rb") as source, partial.open("wb") as file:
-        zstandard.ZstdCompressor(PACK_LEVEL, write_checksum=True).copy_stream(source, file)
-    partial.replace(packed)
+    packing = zstandard.ZstdCompressor(PACK_LEVEL, write_checksum=True)
+    with path.open("rb") as source, whole_file(packed_path(path)) as partial, partial.open("wb") as file:
+        packing.copy_stream(source, file)
     path.unlink()
 
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bridge.run.whole_file import whole_file
+
 
 def read_object(file: Path, mistake: str) -> dict[str, Any]:
     """What the object of a file has.
@@ -34,10 +36,5 @@ def write_object(file: Path, content: Mapping[str, Any]) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    partial = file.with_name(file.name + ".partial")
-    try:
+    with whole_file(file) as partial:
         partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        partial.replace(file)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise

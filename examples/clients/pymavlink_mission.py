@@ -75,9 +75,8 @@ def fly(link, last):
     if link.flightmode in (
         "RTL",
         "LAND",
-    ):  # how a flight before this one ended: a copter cannot be armed in these
-        link.set_mode("GUIDED")
-        ask(link, lambda: None, "HEARTBEAT", until=lambda _: link.flightmode == "GUIDED")
+    ):  # a flight before this one ended so: a copter cannot be armed in these
+        ask(link, lambda: link.set_mode("GUIDED"), "HEARTBEAT", until=lambda _: link.flightmode == "GUIDED")
     ask(link, link.arducopter_arm, "HEARTBEAT", until=lambda _: link.motors_armed())
     say("armed in", link.flightmode)
     link.set_mode("AUTO")

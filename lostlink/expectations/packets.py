@@ -39,15 +39,16 @@ class PacketFinder:
         """Of the ends of each row: as recorded or, of what never was on the air, when it was transmitted."""
         columns = self._rows.columns
         found: NDArray[np.float64] = columns["distance_m"].copy()
-        missing = np.isnan(found) & (columns["fate"] != TRANSPORT)
-        if missing.any():
+        missing = np.flatnonzero(np.isnan(found) & (columns["fate"] != TRANSPORT))
+        if missing.size:
             ticks_ns, tracks = places_of(self._run, self._stations)
-            ends = np.full((2, len(found), 3), np.nan)
-            for place, column in zip(ends, (columns["tx"], columns["rx"]), strict=True):
-                for number, node in enumerate(self._nodes):
-                    rows = missing & (column == number)
-                    place[rows] = places_at(ticks_ns, tracks[node], columns["sim_time_ns"][rows])
-            found[missing] = np.linalg.norm(ends[0] - ends[1], axis=1)[missing]
+            at_ns = columns["sim_time_ns"][missing]
+            ends = np.empty((2, len(missing), 3))
+            for places, nodes in zip(ends, (columns["tx"][missing], columns["rx"][missing]), strict=True):
+                for number in np.unique(nodes).tolist():
+                    rows = nodes == number
+                    places[rows] = places_at(ticks_ns, tracks[self._nodes[number]], at_ns[rows])
+            found[missing] = np.linalg.norm(ends[0] - ends[1], axis=1)
         return found
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:

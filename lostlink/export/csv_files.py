@@ -15,6 +15,7 @@ from bridge.record.tables.every import TABLES
 from bridge.record.tables.logged import LoggedRow, logged_rows
 from bridge.record.tables.reader import read_batches
 from bridge.record.tables.schema import Column, Table, TableError
+from bridge.run.whole_file import whole_file
 
 
 def export_csv(run: Path, folder: Path) -> list[Path]:
@@ -39,15 +40,10 @@ def export_csv(run: Path, folder: Path) -> list[Path]:
 
 
 def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    partial = path.with_suffix(".partial")
-    try:
-        with partial.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(names)
-            writer.writerows(rows)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(rows)
     return path
 
 

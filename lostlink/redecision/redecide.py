@@ -167,7 +167,8 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     recorded = scenario_of(run)
     if period_ns != recorded.tick_period_ns:
         raise ValueError(
-            f"tick_rate_hz: {run} has {recorded.tick_rate_hz} ticks a second, and cannot be decided by others"
+            f"tick_rate_hz: {run} has {recorded.tick_rate_hz} ticks a second; its packets cannot be decided at another "
+            "rate"
         )
     before = DeliveryRows.read(run, nodes)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))

@@ -51,6 +51,8 @@ PLAN_FILE = "plan.json"
 RESULT_FILE = "result.json"
 RUN_FOLDER = "run"
 LOG_FILE = "log.txt"
+LOCK_FILE = "lock"
+"""Locked by whoever has the case in hand."""
 WARM = (
     "bridge.program.process",
     "fdm.model.jsbsim_model",
@@ -143,12 +145,20 @@ def write_whole(path: Path, content: object) -> None:
     part.replace(path)
 
 
+def forget(directory: Path, measures: str, labels: Collection[str]) -> None:
+    """Remove the result of a case that is not done (`is_done`), unless another process has it in hand just now."""
+    with (directory / LOCK_FILE).open("w") as lock, suppress(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not is_done(directory, measures, labels):
+            (directory / RESULT_FILE).unlink(missing_ok=True)
+
+
 def fly_case(directory: Path) -> int:
     """Fly and measure the case of a directory, unless that was done; gives the process's status.
 
     A second process for the same case waits for the first.
     """
-    with (directory / "lock").open("w") as lock:
+    with (directory / LOCK_FILE).open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         plan = CasePlan.read(directory)
         if is_done(directory, plan.measures, plan.labels):

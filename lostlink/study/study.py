@@ -12,8 +12,8 @@ from typing import Any
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from lostlink.study.case_process import (
     LOG_FILE,
-    RESULT_FILE,
     CasePlan,
+    forget,
     is_done,
     measures_of,
     read_result,
@@ -94,11 +94,13 @@ class Study:
         Raises:
             OSError: the directory cannot be written.
         """
+        measures = measures_of(self.content.metrics)
         left = {self.path(case): case for case in self.left()}
         for path, case in left.items():
             path.mkdir(parents=True, exist_ok=True)
-            (path / RESULT_FILE).unlink(missing_ok=True)  # of other code, or of a run that failed
-            self._plan(case).write(path)
+            plan = self._plan(case)
+            forget(path, measures, plan.labels)  # what other code said, or of a run that failed
+            plan.write(path)
         done, failed = len(self.cases) - len(left), 0
         yield Standing(done, failed, len(self.cases))
         for over in lanes.fly(list(left)):

@@ -7,7 +7,7 @@ from typing import Any, Final
 from urllib.parse import parse_qs
 
 COOKIE: Final = "lostlink_view"
-"""With the server's port behind it: browsers send a host's cookies to all of its ports."""
+"""With the port behind it that a browser asked: it sends a host's cookies to all of its ports."""
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -35,7 +35,7 @@ class WithCookie:
             return
         headers = dict(scope["headers"])
         asked = "token" in parse_qs(scope.get("query_string", b"").decode("latin-1"))
-        name = _name(scope)
+        name = _name(headers.get(b"host", b"").decode("latin-1"))
         brought = "" if asked else _cookie(headers.get(b"cookie", b"").decode("latin-1"), name)
         if brought and b"authorization" not in headers:
             bearer = (b"authorization", f"Bearer {brought}".encode("latin-1"))
@@ -52,10 +52,10 @@ class WithCookie:
         await self._app(scope, receive, with_cookie)
 
 
-def _name(scope: Scope) -> str:
-    """What the cookie is called at the port that was asked."""
-    _, port = scope.get("server") or ("", None)
-    return f"{COOKIE}_{port}" if port else COOKIE
+def _name(host: str) -> str:
+    """What the cookie is called at a browser's ``host:port``; a tunnel's port may be another than the server's."""
+    port = host.rpartition(":")[2]
+    return f"{COOKIE}_{port}" if port.isdecimal() and port.isascii() else COOKIE
 
 
 def _set(message: Message, name: str, value: str) -> None:

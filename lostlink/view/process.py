@@ -211,11 +211,8 @@ class Model:
         from bridge.scenario.resolve.radio import common_radio
         from channel.validity import OutsideValidityError
 
-        distance_m, shared = (
-            np.linspace(1.0, self._farthest_m, MODEL_POINTS),
-            draws_are_shared(self._scenario),
-        )
-        radio = common_radio(self._scenario)
+        distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
+        shared, radio = draws_are_shared(self._scenario), common_radio(self._scenario)
         if radio is not None:
             with suppress(OutsideValidityError):
                 if not getattr(radio.config.propagation, "needs_places", False):

@@ -34,7 +34,7 @@ class _NumberedTask(asyncio.Task[Any]):
         self, coro: Coroutine[Any, Any, Any], *, number: int, name: str | None = None, **options: Any
     ) -> None:
         self._number = number
-        super().__init__(coro, name=name or f"Task-{number}", **options)
+        super().__init__(coro, name=f"Task-{number}" if name is None else name, **options)
 
     def __hash__(self) -> int:
         return self._number

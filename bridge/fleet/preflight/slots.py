@@ -17,8 +17,8 @@ from bridge.scenario.model import Scenario
 NAME = "lostlink-tcp"
 """How names of locks begin."""
 LOCKED = ("ports.aps", "ports.autopilot", "ports.api", "ports.zenoh", "modems.")
-"""Settings of the ports that are locked: of each UA those that another slot's may be, as at slot s + 100 autopilots
-listen where the MAVLink servers of slot s do (they stand for the rest of its ports), and those of no UA."""
+"""Settings of the ports that are locked: of each UA those that are ports of another kind at another slot (autopilots
+at slot s + 100 listen where MAVLink servers at slot s do), which stand for the rest of its slot; and those of no UA."""
 FIRST_SLOT, LAST_SLOT = 20, 2249
 """Slots given out: below are those that people choose, and above ports that the kernel gives to clients."""
 ATTEMPTS = 5

@@ -10,6 +10,7 @@ and name. A name is there before the first row that has it.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import struct
@@ -20,6 +21,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bridge.record.appending import append_units
 from bridge.record.tables.schema import Table, TableError
 
 MAGIC: Final = b"LLTABLE\0"
@@ -72,7 +74,7 @@ class TableWriter:
         self._told = {name: len(names) for name, names in labels.items()}
         self._path = table.journal_path(run, node)
         self._path.parent.mkdir(exist_ok=True)
-        self._file: BinaryIO = self._path.open("wb", buffering=0)
+        self._file = io.FileIO(self._path, "w")
         header = {
             "table": table.name,
             "columns": [[column.name, column.dtype] for column in table.columns],
@@ -80,7 +82,7 @@ class TableWriter:
         }
         text = json.dumps(header).encode()
         head = MAGIC + _LENGTH.pack(len(text)) + text
-        _write_all(self._file, head, len(head))
+        append_units(self._file, head, len(head))
 
     def append(self, rows: int, **columns: ArrayLike) -> None:
         """Append so many rows; they are on disk after `flush` or `close`.
@@ -111,6 +113,8 @@ class TableWriter:
 
     def append_row(self, row: tuple[Any, ...]) -> None:
         """Append one row: values in the order of the columns, names as their places, text as bytes."""
+        if self._filled == len(self._rows):  # they found no room on the disk
+            self.flush()
         self._rows[self._filled] = row
         self._filled += 1
         if self._filled == len(self._rows):
@@ -133,7 +137,7 @@ class TableWriter:
         self._tell_names()
         begin, row_bytes = self._file.tell(), self._rows.itemsize
         try:
-            _write_all(self._file, self._rows[: self._filled].tobytes(), row_bytes)
+            append_units(self._file, self._rows[: self._filled].tobytes(), row_bytes)
         finally:
             written = (self._file.tell() - begin) // row_bytes
             self._rows[: self._filled - written] = self._rows[written : self._filled].copy()
@@ -146,8 +150,8 @@ class TableWriter:
         ]
         if new:
             text = "".join(json.dumps(each) + "\n" for each in new).encode()
-            with names_path(self._path).open("ab", buffering=0) as file:
-                _write_all(file, text, len(text))
+            with io.FileIO(names_path(self._path), "a") as file:
+                append_units(file, text, len(text))
             self._told = {column: len(names) for column, names in self._labels.items()}
 
     def close(self) -> None:
@@ -155,22 +159,6 @@ class TableWriter:
         if not self._file.closed:
             self.flush()
             self._file.close()
-
-
-def _write_all(file: BinaryIO, data: bytes, unit_bytes: int) -> None:
-    """All of it; of what finds no room on the disk whole units: behind half a row no other would be in its place.
-
-    Raises:
-        OSError: it cannot be written; the file ends, and stands, behind the last unit.
-    """
-    begin, view = file.tell(), memoryview(data)
-    try:
-        while view:
-            view = view[file.write(view) :]
-    except OSError:
-        written_bytes = len(data) - len(view)
-        file.truncate(file.seek(begin + written_bytes - written_bytes % unit_bytes))
-        raise
 
 
 def names_path(journal: Path) -> Path:

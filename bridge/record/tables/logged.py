@@ -13,6 +13,7 @@ import numpy as np
 from bridge.record.logged import LoggedValue, logged_of
 from bridge.record.names import Kind, streams_of
 from bridge.record.tables.columns import numbers, texts
+from bridge.run.whole_file import whole_file
 
 LOGGED_FILE: Final = "logged.parquet"
 ROWS_AT_ONCE: Final = 1 << 16
@@ -80,15 +81,13 @@ def write_logged(run: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    partial = path.with_suffix(".partial")
     kinds = (pa.int64(), pa.string(), pa.string(), pa.string(), pa.float64(), pa.string())
     schema = pa.schema(list(zip(LoggedRow._fields, kinds, strict=True)))
-    with pq.ParquetWriter(partial, schema, compression="zstd") as writer:
+    with whole_file(path) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
         while part:
             writer.write_batch(pa.record_batch(_columns(part), schema=schema))
             part = list(islice(rows, ROWS_AT_ONCE))
-    partial.replace(path)
 
 
 def _columns(rows: Sequence[LoggedRow]) -> list[Any]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bridge.record.tables.columns import numbers, texts
 from bridge.record.tables.journals import rows_of
 from bridge.record.tables.schema import LABEL, NUMBER, Column, Table, TableError
+from bridge.run.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -35,22 +36,23 @@ def write_parquet(run: Path, table: Table, on_progress: OnProgress) -> None:
     """
     import pyarrow.parquet as pq
 
-    path = table.parquet_path(run)
-    partial, done = path.with_suffix(".partial"), 0
+    done = 0
     as_they_are = [c.name for c in table.columns if c.dtype == NUMBER and not c.steps_per_unit]
-    with pq.ParquetWriter(
-        partial,
-        schema_of(table.columns),
-        compression="zstd",
-        use_dictionary=[c.name for c in table.columns if c.name not in as_they_are],
-        dictionary_pagesize_limit=DICTIONARY_MAX_BYTES,
-        column_encoding=dict.fromkeys(as_they_are, "BYTE_STREAM_SPLIT") or None,
-    ) as writer:
+    with (
+        whole_file(table.parquet_path(run)) as partial,
+        pq.ParquetWriter(
+            partial,
+            schema_of(table.columns),
+            compression="zstd",
+            use_dictionary=[c.name for c in table.columns if c.name not in as_they_are],
+            dictionary_pagesize_limit=DICTIONARY_MAX_BYTES,
+            column_encoding=dict.fromkeys(as_they_are, "BYTE_STREAM_SPLIT") or None,
+        ) as writer,
+    ):
         for batch in batches_of_journals(run, table, table.columns, GROUP_ROWS):
             writer.write_batch(batch, row_group_size=GROUP_ROWS)
             done += batch.num_rows
             on_progress(table.name, done)
-    partial.replace(path)
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:

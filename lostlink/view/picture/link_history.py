@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from bridge.bus.messages import Links
 
@@ -63,7 +63,7 @@ class LinkHistory:
         shape = (len(FIGURES), nodes, nodes)
         self._latest = np.full(shape, np.nan, dtype=np.float32)
         self.probability = np.full((nodes, nodes), np.nan)
-        """[tx, rx]: recent mean of 1 - PER of each link; NaN where there was no packet."""
+        """[tx, rx]: recent mean of 1 - PER of each link, of packets that have one; NaN if off, or without packets."""
         self._times_s: list[float] = []
         self._reports: list[NDArray[np.float32]] = []
         self._limit = max(REPORTS_MIN, min(REPORTS_MAX, VALUES_MAX // max(1, self._latest.size)))
@@ -81,20 +81,20 @@ class LinkHistory:
         for row, name in enumerate(FIGURES):
             self._latest[row, tx, rx] = getattr(links, name)
         self.reports += 1
+        is_off = np.isin(tx, links.radio_off) | np.isin(rx, links.radio_off)
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
-        self.probability[tx, rx] = np.where(np.isnan(old), new, old + SMOOTH * (new - old))
-        self._count(self._places(tx, rx, links.radio_off), np.nan_to_num(before), self._latest[4:, tx, rx])
+        change = np.where(np.isnan(new), 0.0, SMOOTH * (new - old))
+        self.probability[tx, rx] = np.where(is_off, np.nan, np.where(np.isnan(old), new, old + change))
+        distance_m = np.where(is_off, np.float32(np.nan), self._places(tx, rx))
+        self._count(distance_m, np.nan_to_num(before), self._latest[4:, tx, rx])
         self._keep(links.header.stamp.ns / 1e9)
 
-    def _places(
-        self, tx: NDArray[np.intp], rx: NDArray[np.intp], radios_off: ArrayLike
-    ) -> NDArray[np.float32]:
-        """At which distances links are: where they were last, if the latest packet never was on the air; NaN if off."""
+    def _places(self, tx: NDArray[np.intp], rx: NDArray[np.intp]) -> NDArray[np.float32]:
+        """At which distances links are: where they were last, if the latest packet never was on the air."""
         latest_m = self._latest[0, tx, rx]
         known = np.isfinite(latest_m)
         self._distance_m[tx[known], rx[known]] = latest_m[known]
-        is_off = np.isin(tx, radios_off) | np.isin(rx, radios_off)
-        return np.where(is_off, np.float32(np.nan), self._distance_m[tx, rx])
+        return self._distance_m[tx, rx]
 
     def _count(
         self, distance_m: NDArray[np.float32], before: NDArray[np.float32], now: NDArray[np.float32]

@@ -110,7 +110,7 @@ async def test_a_wait_is_as_long_as_it_says_whenever_a_script_joined(router: Gua
             await asyncio.wait({waiting}, timeout=0.02)
             if ua.sim_time_ns:
                 clock_s += 1.0
-        with pytest.raises(TimeoutError, match=r"still waiting at 105\.0 s"):
+        with pytest.raises(TimeoutError, match=r"still waiting at 105\.00 s"):
             await waiting
 
 

@@ -214,7 +214,7 @@ def test_tables_that_cannot_be_finished_break_the_run_off_and_its_summary_says_s
 ) -> None:
     run = start_run(duration_s=4.0, speed="2")
     run.wait_for("sim time")
-    (run.directory / "truth.partial").mkdir()
+    (run.directory / "truth.parquet.partial").mkdir()
     assert run.finish() == 1
     assert run.summary["ending"] == "failed"
     assert "its tables could not be written as Parquet" in run.summary["error"]

@@ -121,7 +121,7 @@ def test_beyond_this_machine_a_token_is_needed(record: Path) -> None:
         assert first.status == 200
         cookie = (first.getheader("set-cookie") or "").split(";")[0]
         assert view.get(Cookie=cookie).status == 200
-        assert view.get(Cookie="lostlink_view=wrong").status == 401
+        assert view.get(Cookie=f"lostlink_view_{view.port}=wrong").status == 401
         with connect(f"ws://127.0.0.1:{view.port}/frames", additional_headers={"Cookie": cookie}) as socket:
             assert json.loads(socket.recv(timeout=20))["type"] == "snapshot"
 

@@ -84,6 +84,14 @@ def test_the_module_of_a_nodes_agent_has_its_name_whatever_was_loaded_before(age
     assert names == [f"{agent_file.stem}__{node}" for node in ("0", "gcs", "0")]
 
 
+def test_a_file_that_is_loaded_for_no_node_takes_no_nodes_name(agent_file: Path) -> None:
+    """As for what a study measures, in the process that has flown."""
+    others = [load_class(str(agent_file), "Own").__module__ for _ in range(2)]
+    numbers = [name.rpartition("_")[2] for name in others]
+    agents = [load_class(str(agent_file), "Own", number).__module__ for number in numbers]
+    assert len({*others, *agents}) == 4
+
+
 def test_missing_module_is_named() -> None:
     with pytest.raises(AgentError, match=r"no module nowhere\.to_be_found"):
         load_class("nowhere.to_be_found", "Own")

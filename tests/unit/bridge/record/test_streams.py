@@ -152,6 +152,14 @@ def test_a_follower_names_the_place_of_damage(tmp_path: Path) -> None:
     follower.close()
 
 
+def test_a_stream_that_finds_no_room_to_be_packed_stays_as_it_is(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.bin", ENTRIES)
+    with no_file_beyond(10), pytest.raises(OSError, match="too large"):
+        pack_stream(path)
+    assert list(tmp_path.iterdir()) == [path]
+    assert list(read_stream(path, is_whole=True)) == ENTRIES
+
+
 def test_an_entry_that_found_no_room_is_not_there_and_those_after_it_are(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     writer = StreamWriter(path)
@@ -159,6 +167,11 @@ def test_an_entry_that_found_no_room_is_not_there_and_those_after_it_are(tmp_pat
     writer.write(0, first)
     with no_file_beyond(100), pytest.raises(OSError, match="too large"):
         writer.write(50, b"x" * 50)  # its head alone would have room
+    with no_file_beyond(BUFFER_BYTES + 100), pytest.raises(OSError, match="too large"):
+        writer.write(60, b"x" * 2 * BUFFER_BYTES)  # half of it would have room
     writer.write(100, b"after")
+    longest = b"y" * 2 * BUFFER_BYTES
+    writer.write(110, longest)
+    writer.write(120, b"")
     writer.close()
-    assert list(read_stream(path, is_whole=True)) == [(0, first), (100, b"after")]
+    assert list(read_stream(path, is_whole=True)) == [(0, first), (100, b"after"), (110, longest), (120, b"")]

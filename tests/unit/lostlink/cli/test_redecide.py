@@ -76,7 +76,7 @@ def test_another_rate_of_ticks_is_refused(run: Path) -> None:
     assert (result.exit_code, result.stdout) == (2, "")
     assert (
         result.stderr
-        == f"lostlink: tick_rate_hz: {run} has 20 ticks a second, and cannot be decided by others\n"
+        == f"lostlink: tick_rate_hz: {run} has 20 ticks a second; its packets cannot be decided at another rate\n"
     )
 
 

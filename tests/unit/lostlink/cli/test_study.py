@@ -139,6 +139,15 @@ def test_an_interrupted_study_shows_nothing_that_is_to_be_measured_again(
     assert "0 of 2 runs are over" in done.stderr
 
 
+def test_a_run_that_another_study_has_flown_since_this_one_looked_keeps_its_result(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = Study(file, file.parent)
+    monkeypatch.setattr(ours, "left", lambda: ours.cases)
+    next(ours.fly(_Nowhere(1)))
+    assert [row["failure"] for row in ours.rows()] == ["", ""]
+
+
 def test_json_has_null_for_what_is_no_number(file: Path) -> None:
     rows = [json.loads(line, parse_constant=pytest.fail) for line in run(file, "--json").stdout.splitlines()]
     assert [(row["seed"], row["delivery"], row["series"]) for row in rows] == [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import subprocess
 import sys
@@ -9,7 +10,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
-from lostlink.study.case_process import RUN_FOLDER, CasePlan, fly_case, read_result, recorded
+from lostlink.study.case_process import (
+    LOCK_FILE,
+    RESULT_FILE,
+    RUN_FOLDER,
+    CasePlan,
+    fly_case,
+    forget,
+    read_result,
+    recorded,
+    write_whole,
+)
 from lostlink.study.model import Function
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
@@ -66,6 +77,22 @@ def test_a_metric_called_as_what_varies_is_refused(tmp_path: Path) -> None:
         "own.py:measure: radio: is a column of the study's own: give it another name"
     )
     assert "radio" not in result["metrics"]
+
+
+def test_a_result_is_forgotten_unless_it_is_done_or_in_hand(tmp_path: Path) -> None:
+    """Another study may have flown the case since this one looked, or be at it."""
+    labels = {"seed": 1}
+    content = {"failure": "", "measures": "a", "metrics": {}, "timing": {}}
+    write_whole(tmp_path / RESULT_FILE, content)
+    forget(tmp_path, "a", labels)
+    assert read_result(tmp_path) == content
+    with (tmp_path / LOCK_FILE).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        forget(tmp_path, "b", labels)
+    assert read_result(tmp_path) == content
+    forget(tmp_path, "b", labels)
+    assert read_result(tmp_path) is None
+    forget(tmp_path, "b", labels)
 
 
 def test_two_studies_at_once_write_a_plan_each_as_a_whole(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ async def _page(_scope: Any, _receive: Any, send: Any) -> None:
     await send({"type": "http.response.body", "body": b"page"})
 
 
-def answer(query: str = "", cookie: str = "", port: int | None = None) -> tuple[int, str]:
+def answer(query: str = "", cookie: str = "", host: str = "127.0.0.1") -> tuple[int, str]:
     """Status, and the cookie that is set, of a request to a guarded page."""
     sent: list[Any] = []
 
@@ -29,9 +29,9 @@ def answer(query: str = "", cookie: str = "", port: int | None = None) -> tuple[
     async def gone() -> dict[str, Any]:
         return {"type": "http.disconnect"}
 
-    headers = [(b"host", b"127.0.0.1:8080"), *([(b"cookie", cookie.encode())] if cookie else [])]
+    headers = [(b"host", host.encode()), *([(b"cookie", cookie.encode())] if cookie else [])]
     scope: dict[str, Any] = {"type": "http", "headers": headers, "query_string": query.encode()}
-    scope |= {} if port is None else {"server": ("127.0.0.1", port)}
+    scope["server"] = ("127.0.0.1", 8080)
     app = WithCookie(Guard(_page, ApiConfig(token=TOKEN), lambda _why: None), TOKEN)
     asyncio.run(app(scope, gone, send))
     return sent[0]["status"], dict(sent[0]["headers"]).get(b"set-cookie", b"").decode()
@@ -64,10 +64,13 @@ def test_a_cookie_of_another_program_does_not_hide_it(other: str) -> None:
     assert answer(cookie=f"{COOKIE}={TOKEN}; {other}") == (200, "")
 
 
-def test_two_views_of_a_host_have_a_cookie_each() -> None:
-    status, given = answer(f"token={TOKEN}", port=8081)
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "[::1]"])
+def test_two_views_of_a_host_have_a_cookie_each(host: str) -> None:
+    """By the ports that the browser knows: of tunnels to two machines both lead to the same one."""
+    assert answer(f"token={TOKEN}", host=host)[1].startswith(f"{COOKIE}={TOKEN};")
+    status, given = answer(f"token={TOKEN}", host=f"{host}:8081")
     assert (status, given.partition(";")[0]) == (200, f"{COOKIE}_8081={TOKEN}")
     both = f"{COOKIE}_8080=the-token-of-another-view; {COOKIE}_8081={TOKEN}"
-    assert answer(cookie=both, port=8081) == (200, "")
-    status, given = answer(cookie=both, port=8080)
+    assert answer(cookie=both, host=f"{host}:8081") == (200, "")
+    status, given = answer(cookie=both, host=f"{host}:8080")
     assert (status, given.partition(";")[0]) == (401, f"{COOKIE}_8080=")

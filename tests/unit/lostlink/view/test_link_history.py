@@ -127,3 +127,17 @@ def test_the_model_of_a_link_is_the_mean_of_the_packets_that_have_one() -> None:
     assert probability[1 : 2 * WINDOW - 1] == pytest.approx(0.8)
     assert np.isnan(probability[-1])
     assert np.isnan(history.series(1, 0).probability).all()
+
+
+def test_the_recent_probability_of_a_link_stays_while_its_queue_is_full_and_begins_anew_with_its_radio() -> (
+    None
+):
+    history = LinkHistory(2)
+    history.take(links(0.2, 50.0, 0.2, 4, 4))
+    for number in range(5):
+        history.take(links(0.4 + 0.2 * number, np.nan, np.nan, 8 + number, 5))
+        assert history.probability[0, 1] == pytest.approx(0.8)
+    history.take(replace(links(1.6, np.nan, np.nan, 16, 5), radio_off=(0,)))
+    assert np.isnan(history.probability[0, 1])
+    history.take(links(1.8, 50.0, 0.5, 20, 9))
+    assert history.probability[0, 1] == pytest.approx(0.5)

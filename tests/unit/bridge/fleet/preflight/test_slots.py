@@ -34,7 +34,6 @@ HOLDER = """
 import sys
 from bridge.fleet.preflight import slots
 from bridge.scenario.model import Scenario
-from bridge.scenario.sections import Ports
 slots.NAME = sys.argv[1]
 with slots.at_free_ports(Scenario.from_yaml(sys.argv[2])) as placed:
     print(placed.ports.first_slot, flush=True)
@@ -115,7 +114,7 @@ def test_another_users_run_is_seen_until_it_ends_also_if_it_is_killed(tmp_path: 
 
 def test_ports_of_a_run_that_has_not_bound_them_yet_are_told_as_in_use() -> None:
     with free(2) as slot:
-        ports = scenario_of(1).ports.model_copy(update={"first_slot": slot + 1})
+        ports = scenario_of(1).ports.model_copy(update={"first_slot": slot + 1, "zenoh": 0})
         other = scenario_of(1).model_copy(update={"ports": ports})
         with pytest.raises(FleetError) as told, at_own_ports(other):
             pass
@@ -153,6 +152,7 @@ def test_a_run_that_may_move_does_so_only_if_its_own_ports_are_taken_and_leaves_
     None
 ):
     scenario = scenario_of(2)
+    scenario = scenario.model_copy(update={"ports": scenario.ports.model_copy(update={"zenoh": 0})})
     with ExitStack() as held:
         placed = [held.enter_context(at_own_or_free_ports(scenario)).ports for _ in range(3)]
     chosen = [(ports.first_slot, ports.gcs) for ports in placed]

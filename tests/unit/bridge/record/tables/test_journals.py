@@ -14,6 +14,7 @@ from bridge.record.tables.every import finish_tables
 from bridge.record.tables.reader import read_arrow, read_columns
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.states import AGES, BUFFER_ROWS, STATES, StateWriter
+from tests.full_disk import no_file_beyond
 
 NODES = ("2", "10", "gcs")
 
@@ -61,6 +62,19 @@ def test_rows_of_all_nodes_by_tick(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert rows_in(tmp_path) == expected
     assert read_arrow(tmp_path, STATES).to_pydict() == killed.to_pydict()
     assert [path.name for path in tmp_path.iterdir()] == ["states.parquet"]
+
+
+def test_rows_wait_for_room_on_the_disk_and_one_that_finds_none_is_told_each_time(tmp_path: Path) -> None:
+    rows = StateWriter(tmp_path, "0")
+    with no_file_beyond(1):
+        for tick_ns in range(BUFFER_ROWS - 1):
+            rows.append(AircraftState(Header.at(tick_ns, "0")))
+        for tick_ns in range(BUFFER_ROWS - 1, BUFFER_ROWS + 2):
+            with pytest.raises(OSError, match="too large"):
+                rows.append(AircraftState(Header.at(tick_ns, "0")))
+    rows.append(AircraftState(Header.at(1000, "0")))
+    rows.close()
+    assert [row[0] for row in rows_in(tmp_path)] == [*range(BUFFER_ROWS), 1000]
 
 
 def test_text_that_is_too_long_is_cut(tmp_path: Path) -> None:

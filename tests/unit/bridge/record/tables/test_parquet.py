@@ -30,6 +30,7 @@ from bridge.record.tables.parquet import GROUP_ROWS
 from bridge.record.tables.reader import read_arrow, read_columns
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TRUTH, TruthWriter
+from tests.full_disk import no_file_beyond
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
 NODES = ("0", "1", "gcs-1")
@@ -191,12 +192,22 @@ def test_an_end_that_was_killed_itself_is_made_up_for(tmp_path: Path) -> None:
     ticks = list(fleet_columns(3, 5))
     write_deliveries(tmp_path, ticks, 3)
     journal = DELIVERIES.journal_path(tmp_path).read_bytes()
-    DELIVERIES.parquet_path(tmp_path).with_suffix(".partial").write_bytes(b"PAR1 half of it")
+    path = DELIVERIES.parquet_path(tmp_path)
+    path.with_name(path.name + ".partial").write_bytes(b"PAR1 half of it")
     finish_tables(tmp_path)
     DELIVERIES.journal_path(tmp_path).write_bytes(journal)  # killed before it was removed
     assert_same(read(tmp_path), joined(ticks))
     finish_tables(tmp_path)
     assert not DELIVERIES.journal_path(tmp_path).exists()
+    assert_same(read(tmp_path), joined(ticks))
+
+
+def test_an_end_that_finds_no_room_on_the_disk_leaves_what_was_there(tmp_path: Path) -> None:
+    ticks = list(fleet_columns(3, 5))
+    write_deliveries(tmp_path, ticks, 3)
+    with no_file_beyond(100), pytest.raises(OSError, match="too large"):
+        finish_tables(tmp_path)
+    assert list(tmp_path.iterdir()) == [DELIVERIES.journal_path(tmp_path)]
     assert_same(read(tmp_path), joined(ticks))
 
 
