@@ -1,4 +1,4 @@
-"""What the view knows of a real ArduCopter: the plan that an agent uploaded, home, and its messages."""
+"""What is known of a real ArduCopter: the plan that an agent uploaded, home, its messages, and why it does not arm."""
 
 from __future__ import annotations
 
@@ -44,3 +44,35 @@ def test_the_plan_of_a_real_arducopter(
     assert content["home"] == pytest.approx([0, 0, 0], abs=10)
     assert [part["inside"] for part in content["fence"]] == [True, False, False, True]
     assert content["rally"][0] == pytest.approx([0, 1100, -250], abs=10)
+
+
+NEVER_READY = """\
+schema: 1
+name: never_ready
+duration_s: 62
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+radio: perfect
+ports: {{first_slot: {slot}}}
+nodes: [{{id: 0, parameters: {{FENCE_ENABLE: 1, FENCE_TYPE: 4}}, agent: {{type: hold, altitude_m: 15}}}}]
+"""
+
+
+def test_why_a_real_arducopter_is_not_ready_to_arm_is_shown(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    scenario = tmp_path / "never_ready.yaml"
+    scenario.write_text(NEVER_READY.format(slot=free_slot(1)))
+    command = [
+        *LOSTLINK,
+        "run",
+        str(scenario),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-figure",
+        "--speed",
+        "max",
+    ]
+    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    waits = "UA 0 still waits until the autopilot is ready to arm: PreArm: Fences enabled, but none selected"
+    assert waits in done.stdout.splitlines(), done.stderr

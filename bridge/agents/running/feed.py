@@ -43,6 +43,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self._state: AircraftState | None = None
+        self._warning = ""
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
         self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
@@ -53,6 +54,10 @@ class Arrivals:
     def state_came(self, state: AircraftState) -> None:
         """The aircraft's state at the tick."""
         self._state = state
+
+    def warning_came(self, text: str) -> None:
+        """The autopilot warns of something."""
+        self._warning = text
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         """The radio says who was heard."""
@@ -86,6 +91,9 @@ class Arrivals:
         state, self._state = self._state, None
         if state is not None:
             arrivals.append(lambda ua: ua.take_state(state))
+        warning, self._warning = self._warning, ""
+        if warning:
+            arrivals.append(lambda ua: ua.take_warning(warning))
         status, self._comm_status = self._comm_status, None
         if status is not None:
             arrivals.append(lambda ua: ua.take_comm_status(status))

@@ -526,6 +526,34 @@ def test_waits_for_states_and_their_time_outs(flown: list[Flown]) -> None:
     assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), ("late", 7)]
 
 
+@pytest.mark.parametrize(
+    ("warns", "why"), [(True, ": PreArm: Fences enabled, but none selected"), (False, "")]
+)
+def test_a_take_off_that_waits_for_long_says_why(flown: list[Flown], warns: bool, why: str) -> None:
+    class Climber(Agent):
+        async def fly(self) -> None:
+            await self.take_off(10.0)
+
+    flown.append(Flown(Climber))
+    agent = flown[0]
+    if warns:
+        agent.tick(lambda ua: ua.take_warning("PreArm: Fences enabled, but none selected"))
+    waits = "waits until the autopilot is ready to arm"
+    while agent.number < 59.9 * 20:
+        agent.tick()
+    assert [report.activity for report in agent.outlet.reports] == [waits]
+    while agent.number < 60.1 * 20:
+        agent.tick()
+    assert [report.activity for report in agent.outlet.reports] == [waits, f"still {waits}{why}"]
+    while agent.number < 180.2 * 20:
+        agent.tick()
+    last = agent.outlet.reports[-1]
+    assert last.failed
+    assert last.activity == (
+        f"the autopilot was not ready to arm within 180 s of sim time{why}; the log of its host has all that it said"
+    )
+
+
 class Looker(Agent):
     """Looks at the packages and at who was heard, at the ticks that are told, and keeps what it saw."""
 
