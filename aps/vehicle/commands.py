@@ -205,8 +205,8 @@ class CommandExecution(Execution):
         return self.result is None and self._accepted_ms is None and self._waiting.answer is None
 
     def on_text(self, text: StatusText) -> None:
-        """STATUSTEXT of the autopilot: a refusal's reason."""
-        if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
+        """STATUSTEXT of the autopilot: a refusal's reason, or an interruption's."""
+        if _may_be_a_reason(text) and text.text not in self._waiting.texts:
             self._waiting.texts.append(text.text)
         if text.text.startswith(self.plan.rejection_texts):
             self._rejection = text.text
@@ -451,4 +451,10 @@ class CommandExecution(Execution):
 
 def _reasons(texts: Iterable[StatusText]) -> list[str]:
     """Those that may be one, each once."""
-    return list(dict.fromkeys(text.text for text in texts if text.severity <= MAX_REASON_SEVERITY))
+    return list(dict.fromkeys(text.text for text in texts if _may_be_a_reason(text)))
+
+
+def _may_be_a_reason(text: StatusText) -> bool:
+    """A warning, or ArduPilot's notice of what its fence then does: ``Polygon fence breached``."""
+    words = text.text.lower()
+    return text.severity <= MAX_REASON_SEVERITY or ("fence" in words and words.endswith("breached"))
