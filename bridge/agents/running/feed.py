@@ -17,6 +17,7 @@ from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
 from bridge.agents.own import AgentError
 from bridge.agents.radio import OwnRadio, QueueState, UnicastReply
+from bridge.agents.running.whereabouts import place_of
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
@@ -129,6 +130,14 @@ def _give_event(on_event: OnEvent, event: CommandEvent, _: UaClient) -> None:
     on_event(event)
 
 
+def _words(error: BaseException) -> str:
+    """What an error says; of a group, as TaskGroup raises it, also its first one by name."""
+    if not isinstance(error, BaseExceptionGroup):
+        return str(error)
+    first = error.exceptions[0]
+    return f"{error}: {type(first).__name__}: {_words(first)}"
+
+
 class Feeder:
     """Gives an agent its ticks, and reports what its code raises.
 
@@ -164,14 +173,15 @@ class Feeder:
         """Report what the agent's code raised, and where."""
         log.error("%s, at %.3f s: %s", when, self._ua.sim_time_ns / 1e9, text, exc_info=error)
         if not self.has_failed:
-            why = ("" if error is None else str(error)) or text
-            self.tell(f"{type(error).__name__} {when}" + (f": {why}" if why else ""))
+            why = ("" if error is None else _words(error)) or text
+            what = "an error" if error is None else type(error).__name__
+            self.tell(f"{what} {when}" + (f": {why}" if why else ""), error)
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""
         if isinstance(error, CommandFailed):
             log.error("in flight, at %.3f s", self._ua.sim_time_ns / 1e9, exc_info=error)
-            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "))
+            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "), error)
         else:
             self.fail("in flight", error)
 
@@ -182,11 +192,17 @@ class Feeder:
             return
         if isinstance(error, AgentError):
             log.error("%s", error, exc_info=error.__cause__)
-            self.tell(str(error))
+            self.tell(str(error), error.__cause__)
         else:
             self.fail("in its constructor", error)
 
-    def tell(self, text: str) -> None:
-        """Report that the agent failed; what is no text in UTF-8 is reported as Python writes it."""
+    def tell(self, text: str, error: BaseException | None = None) -> None:
+        """Report that the agent failed, and in which line of its author's code.
+
+        What is no text in UTF-8 is reported as Python writes it.
+        """
         self.has_failed = True
+        if place := place_of(error):
+            first, *more = text.split("\n", 1)
+            text = "\n".join((f"{first} ({place})", *more))
         self._ua.report(text.encode(errors="backslashreplace").decode(), failed=True)
