@@ -739,8 +739,8 @@ def test_a_failures_place_is_the_innermost_in_the_agents_code_behind_the_first_l
     flown.append(Flown(load_class(str(file), name)))
     agent = flown[0]
     agent.tick()
+    refusal = CommandEvent(CommandEvent.RESULT, False, "arm refused: no", outcome="refused")
     for _, on_event in agent.outlet.commands:
-        refusal = CommandEvent(CommandEvent.RESULT, False, "arm refused: no", outcome="refused")
         agent.tick(lambda ua, on_event=on_event: on_event(refusal))
     [failed] = [status.activity for status in agent.outlet.reports if status.failed]
     assert re.fullmatch(re.escape(says).replace(r"\.\*", ".*"), failed), failed
