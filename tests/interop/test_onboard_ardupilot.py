@@ -116,5 +116,5 @@ def test_a_breach_of_a_real_arducopters_fence_is_the_reason_of_the_interruption(
     ]
     command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=380)
-    told = "UA 0 velocity: velocity interrupted: mode changed to RTL (Max Alt fence breached)"
+    told = "UA 0 velocity: velocity interrupted: mode changed to RTL (Max Alt fence breached) (climber.py:6)"
     assert told in done.stdout.splitlines(), done.stdout + done.stderr
