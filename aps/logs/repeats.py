@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+from collections.abc import Iterator
 from typing import Final
 
 __all__ = ["Repeats"]
@@ -14,12 +15,15 @@ SAME_MOST: Final = 10
 ALIKE_MOST: Final = 300
 """... and how many lines of one kind, which differ in what they name."""
 
+_Lines = tuple[str, str, bool]
+"""The logger's name, and a text that is the same, or what differs only in what it names."""
+
 
 class Repeats(logging.Handler):
     """Of lines that come again and again, the first of every ten seconds are written, and how many were not.
 
-    The number is written with the next line of that kind, or when this handler closes. Other handlers get each record
-    as it was logged.
+    The number is written with the next line that is the same, or of lines that differ with the next of their kind; or
+    when this handler closes. Other handlers get each record as it was logged.
 
     Args:
         handler: writes them; it is closed with this one.
@@ -32,9 +36,10 @@ class Repeats(logging.Handler):
         self._loggers = frozenset(loggers)
         self._since_s = 0.0
         self._same: dict[tuple[str, str], int] = {}
-        self._alike: dict[tuple[str, str], int] = {}
-        self._left_out: dict[tuple[str, str], tuple[int, int]] = {}
-        """How many of a kind, and their highest level."""
+        self._alike: dict[tuple[str, str], tuple[int, str]] = {}
+        """How many of a kind, and the last of them that was written."""
+        self._left_out: dict[_Lines, tuple[int, int, str]] = {}
+        """How many, their highest level, and one of them."""
 
     def setFormatter(self, fmt: logging.Formatter | None) -> None:  # noqa: N802  (the name is logging's)
         """The form of the lines."""
@@ -51,24 +56,32 @@ class Repeats(logging.Handler):
             self._same.clear()
             self._alike.clear()
         kind = record.name, record.msg if isinstance(record.msg, str) else type(record.msg).__name__
-        alike = self._alike.get(kind, 0)
+        alike, written = self._alike.get(kind, (0, kind[1]))
         text = _text(record) if alike < ALIKE_MOST else None
         line = kind if text is None else (record.name, text)
         same = self._same.get(line, 0)
-        if alike >= ALIKE_MOST or same >= SAME_MOST:
-            self._leave_out(kind, record.levelno)
+        if alike >= ALIKE_MOST:
+            self._leave_out((*kind, False), record.levelno, written)
             return
-        self._alike[kind], self._same[line] = alike + 1, same + 1
-        if text is not None and kind in self._left_out:
-            count, _ = self._left_out.pop(kind)
+        if same >= SAME_MOST:
+            self._leave_out((*line, True), record.levelno, line[1])
+            return
+        self._alike[kind], self._same[line] = (alike + 1, line[1]), same + 1
+        if text is not None and (more := [*self._more((*line, True)), *self._more((*kind, False))]):
             record = copy.copy(record)  # the record is every handler's
-            record.msg, record.args = f"{text} ({count} more lines like it were left out)", ()
+            record.msg, record.args = f"{text} ({', '.join(more)} were left out)", ()
         self._handler.handle(record)
 
-    def _leave_out(self, kind: tuple[str, str], level: int) -> None:
-        if len(self._left_out) < ALIKE_MOST or kind in self._left_out:
-            count, highest = self._left_out.get(kind, (0, level))
-            self._left_out[kind] = count + 1, max(highest, level)
+    def _leave_out(self, lines: _Lines, level: int, text: str) -> None:
+        if len(self._left_out) < ALIKE_MOST or lines in self._left_out:
+            count, highest, _ = self._left_out.get(lines, (0, level, ""))
+            self._left_out[lines] = count + 1, max(highest, level), text
+
+    def _more(self, lines: _Lines) -> Iterator[str]:
+        """How many such lines were left out, if any were; they are not counted any more."""
+        if lines in self._left_out:
+            count, _, _ = self._left_out.pop(lines)
+            yield f"{count} more lines {'like it' if lines[2] else 'of its kind'}"
 
     def flush(self) -> None:
         """Have what was written reach its file."""
@@ -81,8 +94,8 @@ class Repeats(logging.Handler):
             left_out, self._left_out = self._left_out, {}
         finally:
             self.release()
-        for (name, text), (count, level) in left_out.items():
-            more = "%d more lines like this were left out: %s"
+        for (name, _, is_same), (count, level, text) in left_out.items():
+            more = f"%d more lines {'like this' if is_same else 'of this kind'} were left out: %s"
             self._handler.handle(logging.LogRecord(name, level, "", 0, more, (count, text), None))
         self._handler.close()
         super().close()

@@ -10,16 +10,17 @@ from functools import cache
 from typing import Any, Final, TypeGuard
 
 from aps.callbacks import Callbacks
-from aps.timeouts import SILENCE_TIMEOUT_S
+from aps.timeouts import SHOWN_LAG_S, SILENCE_TIMEOUT_S
 from aps.vehicle import messages
-from aps.vehicle.commands import ARMING, FLIGHT, CommandExecution, CommandPlan
-from aps.vehicle.execution import CommandProgress, CommandResult, Execution, Refusal
+from aps.vehicle.commands import ARMING, FLIGHT, NOT_ARMED, CommandExecution, CommandPlan
+from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.missions import fly, transfer
 from aps.vehicle.parameters import transfer as parameters
 from aps.vehicle.parameters.everything import get_all
 from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import VehicleState
+from aps.wire.dialect import mavlink
 
 __all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
 
@@ -61,6 +62,9 @@ MOST_TEXTS: Final = 32
 """That are kept of them."""
 _TAKES_OVER: Final = frozenset({FLIGHT, ARMING})
 """What a newer command takes from the one before; of anything else that is occupied it is refused."""
+_HEARTBEAT: Final = 0
+_ARM: Final = frozenset({int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), int(mavlink.MAV_CMD_MISSION_START)})
+"""What may arm the UA; PX4 does with MISSION_START, too."""
 
 
 class CommandHandle:
@@ -138,6 +142,8 @@ class Commander:
         self._running: list[CommandHandle] = []
         self._said: deque[tuple[int, StatusText]] | None = None
         """What the autopilot has said since the latest upload of a mission began, and when."""
+        self._arming_ns = 0
+        """From when on a heartbeat shows what became of the last command that may arm the UA."""
 
     @property
     def busy(self) -> bool:
@@ -237,6 +243,8 @@ class Commander:
     ) -> CommandHandle:
         """As ``start``, of what has been made already."""
         handle = CommandHandle(execution, self, on_progress, on_done)
+        if _flies(execution) and self._is_disarmed():
+            execution.interrupt(NOT_ARMED)
         if execution.result is None:
             self._take_over(execution)
             self._explain(execution)
@@ -285,6 +293,12 @@ class Commander:
         except (TypeError, OverflowError) as error:
             raise ValueError(f"wrong arguments of {verb}: {error}") from error
         return CommandExecution(made, self._silence_s) if isinstance(made, CommandPlan) else made
+
+    def _is_disarmed(self) -> bool:
+        """Whether a heartbeat says so that is no older than what may have armed the UA since."""
+        state = self._state()
+        heard_ns = state.heard_ns.get(_HEARTBEAT, -1)
+        return state.connected and not state.armed and heard_ns >= self._arming_ns
 
     def _take_over(self, newer: Execution) -> None:
         """Give the newer command what it occupies, or refuse it."""
@@ -336,6 +350,11 @@ class Commander:
         """When ``poll`` is due even if nothing happens."""
         deadlines = [running.execution.deadline_ns() for running in self._running]
         return min((deadline for deadline in deadlines if deadline is not None), default=None)
+
+    def command_sent(self, command: int) -> None:
+        """A MAV_CMD goes to the autopilot, of ours or of a client's."""
+        if command in _ARM:
+            self._arming_ns = self._now_ns() + round(SHOWN_LAG_S * NS_PER_S)
 
     def on_ack(self, request: object, command: int, result: int, progress: int) -> bool:
         """COMMAND_ACK for a request of ours; returns whether one of the commands waited for it."""
@@ -404,6 +423,10 @@ def argument_names(verb: str) -> tuple[str, ...]:
 
 def _is_target(execution: Execution) -> TypeGuard[CommandExecution]:
     return isinstance(execution, CommandExecution) and execution.plan.target
+
+
+def _flies(execution: Execution) -> bool:
+    return _is_target(execution) and not execution.plan.may_stand
 
 
 def _refused(verb: str, reason: str) -> Execution:

@@ -39,6 +39,7 @@ LEAD_PATIENCE: Final = 10.0
 """Leads that are waited for by our clock, if the autopilot's is slower."""
 FLIGHT: Final = "flight"
 ARMING: Final = "arming"
+NOT_ARMED: Final = "the UA is not armed"
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 
 _HEARTBEAT: Final = 0
@@ -98,6 +99,8 @@ class CommandPlan:
     """What of the UA it takes for itself: it takes over from the command before that takes the same."""
     target: bool = False
     """Whether it only moves the point or velocity that the UA flies to: a newer one supersedes it."""
+    may_stand: bool = False
+    """Whether a target can be reached on the ground, by a UA that is not armed."""
     setpoint: Callable[[VehicleState, float], Any] | None = None
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
@@ -202,8 +205,8 @@ class CommandExecution(Execution):
         return self.result is None and self._accepted_ms is None and self._waiting.answer is None
 
     def on_text(self, text: StatusText) -> None:
-        """STATUSTEXT of the autopilot: a refusal's reason."""
-        if text.severity <= MAX_REASON_SEVERITY and text.text not in self._waiting.texts:
+        """STATUSTEXT of the autopilot: a refusal's reason, or an interruption's."""
+        if _may_be_a_reason(text) and text.text not in self._waiting.texts:
             self._waiting.texts.append(text.text)
         if text.text.startswith(self.plan.rejection_texts):
             self._rejection = text.text
@@ -374,11 +377,14 @@ class CommandExecution(Execution):
         if self._rejection:
             self.end(Outcome.REFUSED, self._rejection)
             return []
-        if plan.reached(state) or (duration_s is not None and flown_ms >= duration_s * 1000.0):
+        is_disarmed = plan.needs_armed and not state.armed
+        is_disarmed &= self._armed_seen or flown_ms >= ARMED_GRACE_MS
+        is_over = duration_s is not None and flown_ms >= duration_s * 1000.0
+        if plan.reached(state) or (is_over and not is_disarmed):
             self.end(Outcome.REACHED)
             return [] if plan.stop_messages is None else plan.stop_messages(state)
-        if plan.needs_armed and not state.armed and (self._armed_seen or flown_ms > ARMED_GRACE_MS):
-            self.end(Outcome.INTERRUPTED, "the UA is not armed" + self._words())
+        if is_disarmed:
+            self.end(Outcome.INTERRUPTED, NOT_ARMED + self._words())
         elif self._was_not_entered(state, flown_ms):
             self.end(
                 Outcome.TIMED_OUT,
@@ -445,4 +451,10 @@ class CommandExecution(Execution):
 
 def _reasons(texts: Iterable[StatusText]) -> list[str]:
     """Those that may be one, each once."""
-    return list(dict.fromkeys(text.text for text in texts if text.severity <= MAX_REASON_SEVERITY))
+    return list(dict.fromkeys(text.text for text in texts if _may_be_a_reason(text)))
+
+
+def _may_be_a_reason(text: StatusText) -> bool:
+    """A warning, or ArduPilot's notice of what its fence then does: ``Polygon fence breached``."""
+    words = text.text.lower()
+    return text.severity <= MAX_REASON_SEVERITY or ("fence" in words and words.endswith("breached"))

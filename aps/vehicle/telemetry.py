@@ -77,6 +77,12 @@ class Telemetry:
         return clock_ms
 
     @property
+    def vehicle_type(self) -> int:
+        """MAV_TYPE of the autopilot's newest heartbeat; 0 before the first one of its boot."""
+        vehicle_type: int = self._values.get("vehicle_type", 0)
+        return vehicle_type
+
+    @property
     def autopilot(self) -> int:
         """MAV_AUTOPILOT of its newest heartbeat."""
         autopilot: int = self._values.get("autopilot", 0)

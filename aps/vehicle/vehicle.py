@@ -354,6 +354,7 @@ class Vehicle:
         command = command_of(frame)
         if command is not None:
             self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
+            self.commands.command_sent(command)
 
     def _send(self, messages: list[Any], request: object) -> None:
         """Queue messages; ``request`` waits for the acknowledgement of those that are commands, if anything does."""
@@ -362,6 +363,7 @@ class Vehicle:
             if message.get_msgId() in _COMMANDS:
                 waits = FOREIGN if request is None else request
                 self.acks.sent(message.command, self.sysid, ONBOARD_COMPUTER_COMPID, waits)
+                self.commands.command_sent(message.command)
 
     def _pump_streams(self, now_ns: int) -> None:
         request = self.streams.poll(now_ns)

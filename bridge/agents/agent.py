@@ -28,6 +28,8 @@ from bridge.scenario.sections import Transmit
 
 READY_TIMEOUT_S = 180.0
 """Sim time; ArduPilot's estimator takes about 40 s."""
+LONG_WAIT_S = 60.0
+"""Of these, after which the agent says why it waits."""
 SHORTEST_NS = 1000
 """Of a period: less than that and what is due now could not be told from what is due next."""
 PACKAGE_MEASUREMENTS_MAX = 1000
@@ -152,19 +154,31 @@ class Agent:
         """
         alt_rel_m = checked_numbers("take_off", alt_rel_m=alt_rel_m)["alt_rel_m"]
         self.ua.report("waits until the autopilot is ready to arm")
-        try:
-            home = await self.ua.wait_for(lambda state: state.ready_to_arm, timeout_s=READY_TIMEOUT_S)
-        except TimeoutError:
+        home = await self._ready_to_arm(LONG_WAIT_S)
+        if home is None:
+            self.ua.report(f"still waits until the autopilot is ready to arm{self._why()}")
+            home = await self._ready_to_arm(READY_TIMEOUT_S - LONG_WAIT_S)
+        if home is None:
             raise CommandFailed(
-                f"UA {self.ua.node}: the autopilot was not ready to arm within {READY_TIMEOUT_S:g} s of sim time; "
-                "the log of its host has what it said"
-            ) from None
+                f"UA {self.ua.node}: the autopilot was not ready to arm within {READY_TIMEOUT_S:g} s of sim time"
+                f"{self._why()}; the log of its host has all that it said"
+            )
         await self._time_to_take_off()
         self.ua.report(f"takes off to {alt_rel_m:g} m")
         await self.ua.set_mode("GUIDED")
         await self.ua.arm()
         await self.ua.takeoff(alt_rel_m)
         return home
+
+    async def _ready_to_arm(self, within_s: float) -> AircraftState | None:
+        try:
+            return await self.ua.wait_for(lambda state: state.ready_to_arm, timeout_s=within_s)
+        except TimeoutError:
+            return None
+
+    def _why(self) -> str:
+        """What the autopilot last warned of, such as ``PreArm: Fences enabled, but none selected``."""
+        return f": {self.ua.warning}" if self.ua.warning else ""
 
     async def _time_to_take_off(self) -> None:
         late_s = self.ua.sim_time_ns / 1e9 - self.ua.take_off_at_s

@@ -78,6 +78,7 @@ class UaClient(Commands):
     Attributes:
         state: of its aircraft, newest; None until the autopilot knows where it is.
         told: the same, also without a fix: numbers that are not known are nan.
+        warning: what its autopilot last warned of; on board only, and "" before that.
         measurements: what the sensor measured at the tick before, and the newest of each emitter.
     """
 
@@ -99,6 +100,7 @@ class UaClient(Commands):
         self.seed = seed
         self.state: AircraftState | None = None
         self.told = AircraftState()
+        self.warning = ""
         self.sensor = sensor
         self.frames = frames
         self.take_off_at_s = take_off_at_s
@@ -412,6 +414,10 @@ class UaClient(Commands):
                     future.set_result(state)
             except Exception as error:  # somebody's own code: it is for whoever waits
                 future.set_exception(error)
+
+    def take_warning(self, text: str) -> None:
+        """The autopilot warns of something."""
+        self.warning = text
 
     def take_comm_status(self, look: LookAtStatus) -> None:
         """Which other nodes were heard: ``look`` is called if the agent wants to know."""

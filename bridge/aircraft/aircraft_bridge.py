@@ -10,11 +10,13 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from aps.held import HeldDaemon
 from aps.inputs import Input
-from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
+from aps.timeouts import LINK_LOSS_TIMEOUT_S
+from aps.vehicle.commander import check_names
+from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Outcome
 from aps.vehicle.telemetry import VehicleState
 from bridge.aircraft.body import OnEvent
 from bridge.bus import messages
@@ -40,6 +42,15 @@ AGED: Final = (
 """By place in a message's ``age_s``: the field of the daemon's state, and another one if the older of two counts."""
 
 
+class _Early(NamedTuple):
+    """A command for an autopilot that has not been heard yet."""
+
+    until_ns: int
+    verb: str
+    arguments: dict[str, Any]
+    on_event: OnEvent
+
+
 class AircraftBridge:
     """One aircraft.
 
@@ -52,6 +63,7 @@ class AircraftBridge:
         self.daemon = daemon
         self._node = node
         self._now_ns = 0
+        self._early: list[_Early] = []
 
     @property
     def takes_input(self) -> bool:
@@ -74,6 +86,8 @@ class AircraftBridge:
         """Hear the autopilot and its clients, who have said all that they say before ``now_ns``."""
         self._now_ns = now_ns
         self.daemon.begin_exchange(now_ns)
+        if self._early:
+            self._look_at_early()
 
     def end(self) -> None:
         """Say what is to be said at this instant."""
@@ -84,8 +98,39 @@ class AircraftBridge:
         return state_message(self.daemon.state, self._node, self._now_ns)
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:
-        """Begin to carry out ``verb``; ``on_event`` is called with progress and, once, with the result."""
+        """Begin to carry out ``verb``, as soon as the autopilot has been heard.
 
+        ``on_event`` is called with progress and, once, with the result.
+        """
+        try:
+            arguments = _arguments(verb, goal)
+            check_names(verb, arguments)
+        except ValueError as error:
+            on_event(_refusal(error))
+            return
+        if self._is_heard:
+            self._start(verb, arguments, on_event)
+        else:
+            until_ns = self._now_ns + round(LINK_LOSS_TIMEOUT_S * NS_PER_S)
+            self._early.append(_Early(until_ns, verb, arguments, on_event))
+
+    @property
+    def _is_heard(self) -> bool:
+        return self.daemon.vehicle.telemetry.vehicle_type != 0
+
+    def _look_at_early(self) -> None:
+        """Start what waits for the autopilot, in its order, or end what has waited too long."""
+        early, self._early = self._early, []
+        for one in early:
+            if self._is_heard:
+                self._start(one.verb, one.arguments, one.on_event)
+            elif self._now_ns < one.until_ns:
+                self._early.append(one)
+            else:
+                reason = f"the autopilot has not been heard for {LINK_LOSS_TIMEOUT_S:g} s"
+                one.on_event(_result(CommandResult(one.verb, Outcome.TIMED_OUT, reason)))
+
+    def _start(self, verb: str, arguments: dict[str, Any], on_event: OnEvent) -> None:
         def on_progress(progress: CommandProgress) -> None:
             on_event(_progress(progress))
 
@@ -94,12 +139,9 @@ class AircraftBridge:
             on_event(_result(result))
 
         try:
-            self.daemon.commands.start_named(
-                verb, _arguments(verb, goal), on_progress=on_progress, on_done=on_done
-            )
+            self.daemon.commands.start_named(verb, arguments, on_progress=on_progress, on_done=on_done)
         except ValueError as error:
-            refused = Outcome.REFUSED.value
-            on_event(CommandEvent(CommandEvent.RESULT, False, str(error), outcome=refused))
+            on_event(_refusal(error))
 
     def last_message(self, name: str) -> dict[str, Any] | None:
         """The last MAVLink message of a type that the autopilot sent; ``None`` if there is none.
@@ -136,6 +178,10 @@ def _object(text: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(f"arguments are a JSON object, not {text[:40]!r}")
     return content
+
+
+def _refusal(error: ValueError) -> CommandEvent:
+    return CommandEvent(CommandEvent.RESULT, False, str(error), outcome=Outcome.REFUSED.value)
 
 
 def _progress(progress: CommandProgress) -> CommandEvent:

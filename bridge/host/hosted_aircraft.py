@@ -15,6 +15,8 @@ from aps.held import HeldDaemon
 from aps.links.address import parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
+from aps.vehicle.commands import MAX_REASON_SEVERITY
+from aps.vehicle.status_text import StatusText
 from aps.vehicle.streams import DEFAULT_RATES_HZ
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge
@@ -83,6 +85,7 @@ class HostedAircraft(HostedNode):
         self.daemon.on_link_down = self._link_down
         self.daemon.on_failure = self._cannot_go_on
         self.daemon.vehicle.on_foreign = record.other_system
+        self.daemon.vehicle.text_listeners.append(self._autopilot_said)
         self.daemon.on_input = self.node.client_did
         self._connecting: asyncio.Task[None] | None = None
         self._waits = False
@@ -162,6 +165,10 @@ class HostedAircraft(HostedNode):
         """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
         self._record.may_not_repeat("its autopilot closed its MAVLink connection")
         self._connecting = asyncio.create_task(self._reconnect())
+
+    def _autopilot_said(self, text: StatusText) -> None:
+        if text.severity <= MAX_REASON_SEVERITY:
+            self.node.arrivals.warning_came(text.text)
 
     def modem_counters(self) -> Mapping[str, int]:
         """What its autopilot did not read at serial ports with a modem."""

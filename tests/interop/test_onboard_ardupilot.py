@@ -1,4 +1,4 @@
-"""What the view knows of a real ArduCopter: the plan that an agent uploaded, home, and its messages."""
+"""What is known of a real ArduCopter: the plan that an agent uploaded, home, its messages, and why it does not arm."""
 
 from __future__ import annotations
 
@@ -44,3 +44,77 @@ def test_the_plan_of_a_real_arducopter(
     assert content["home"] == pytest.approx([0, 0, 0], abs=10)
     assert [part["inside"] for part in content["fence"]] == [True, False, False, True]
     assert content["rally"][0] == pytest.approx([0, 1100, -250], abs=10)
+
+
+NEVER_READY = """\
+schema: 1
+name: never_ready
+duration_s: 62
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+radio: perfect
+ports: {{first_slot: {slot}}}
+nodes: [{{id: 0, parameters: {{FENCE_ENABLE: 1, FENCE_TYPE: 4}}, agent: {{type: hold, altitude_m: 15}}}}]
+"""
+
+
+def test_why_a_real_arducopter_is_not_ready_to_arm_is_shown(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    scenario = tmp_path / "never_ready.yaml"
+    scenario.write_text(NEVER_READY.format(slot=free_slot(1)))
+    command = [
+        *LOSTLINK,
+        "run",
+        str(scenario),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-figure",
+        "--speed",
+        "max",
+    ]
+    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    waits = "UA 0 still waits until the autopilot is ready to arm: PreArm: Fences enabled, but none selected"
+    assert waits in done.stdout.splitlines(), done.stderr
+
+
+CLIMBER = """\
+from lostlink import Agent
+
+class Climber(Agent):
+    async def fly(self):
+        await self.take_off(10.0)
+        await self.ua.velocity(0.0, 0.0, -2.0, duration_s=20.0)
+"""
+FENCED = """\
+schema: 1
+name: fenced
+duration_s: 90
+origin: {{lat_deg: 40.1331, lon_deg: -105.2404, alt_amsl_m: 1690.0}}
+radio: perfect
+ports: {{first_slot: {slot}}}
+parameters: {{FENCE_ENABLE: 1, FENCE_TYPE: 1, FENCE_ALT_MAX: 20, AVOID_ENABLE: 0}}
+nodes: [{{id: 0, agent: {{type: own, class: climber.py:Climber}}}}]
+"""
+
+
+def test_a_breach_of_a_real_arducopters_fence_is_the_reason_of_the_interruption(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    (tmp_path / "climber.py").write_text(CLIMBER)
+    scenario = tmp_path / "fenced.yaml"
+    scenario.write_text(FENCED.format(slot=free_slot(1)))
+    command = [
+        *LOSTLINK,
+        "run",
+        str(scenario),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-figure",
+        "--speed",
+        "max",
+    ]
+    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    told = "UA 0 velocity: velocity interrupted: mode changed to RTL (Max Alt fence breached) (climber.py:6)"
+    assert told in done.stdout.splitlines(), done.stdout + done.stderr

@@ -138,6 +138,7 @@ def hold(state: VehicleState) -> CommandPlan:
         modes=way.modes,
         needs_armed=True,
         target=True,
+        may_stand=True,
         setpoint=_stand_still if way.by_setpoints else None,
         setpoint_period_s=POINT_PERIOD_S,
         stop_messages=way.stop_messages,

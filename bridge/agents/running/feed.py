@@ -17,6 +17,7 @@ from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
 from bridge.agents.own import AgentError
 from bridge.agents.radio import OwnRadio, QueueState, UnicastReply
+from bridge.agents.running.whereabouts import place_of
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
@@ -43,6 +44,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self._state: AircraftState | None = None
+        self._warning = ""
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
         self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
@@ -53,6 +55,10 @@ class Arrivals:
     def state_came(self, state: AircraftState) -> None:
         """The aircraft's state at the tick."""
         self._state = state
+
+    def warning_came(self, text: str) -> None:
+        """The autopilot warns of something."""
+        self._warning = text
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         """The radio says who was heard."""
@@ -86,6 +92,9 @@ class Arrivals:
         state, self._state = self._state, None
         if state is not None:
             arrivals.append(lambda ua: ua.take_state(state))
+        warning, self._warning = self._warning, ""
+        if warning:
+            arrivals.append(lambda ua: ua.take_warning(warning))
         status, self._comm_status = self._comm_status, None
         if status is not None:
             arrivals.append(lambda ua: ua.take_comm_status(status))
@@ -166,13 +175,13 @@ class Feeder:
         if not self.has_failed:
             why = ("" if error is None else _words(error)) or text
             what = "an error" if error is None else type(error).__name__
-            self.tell(f"{what} {when}" + (f": {why}" if why else ""))
+            self.tell(f"{what} {when}" + (f": {why}" if why else ""), error)
 
     def fail_in_flight(self, error: Exception) -> None:
         """Report what ended the agent's flight: a command that failed by its own words, anything else by name."""
         if isinstance(error, CommandFailed):
             log.error("in flight, at %.3f s", self._ua.sim_time_ns / 1e9, exc_info=error)
-            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "))
+            self.tell(str(error).removeprefix(f"UA {self._ua.node}: "), error)
         else:
             self.fail("in flight", error)
 
@@ -183,11 +192,17 @@ class Feeder:
             return
         if isinstance(error, AgentError):
             log.error("%s", error, exc_info=error.__cause__)
-            self.tell(str(error))
+            self.tell(str(error), error.__cause__)
         else:
             self.fail("in its constructor", error)
 
-    def tell(self, text: str) -> None:
-        """Report that the agent failed; what is no text in UTF-8 is reported as Python writes it."""
+    def tell(self, text: str, error: BaseException | None = None) -> None:
+        """Report that the agent failed, and in which line of its author's code.
+
+        What is no text in UTF-8 is reported as Python writes it.
+        """
         self.has_failed = True
+        if place := place_of(error):
+            first, *more = text.split("\n", 1)
+            text = "\n".join((f"{first} ({place})", *more))
         self._ua.report(text.encode(errors="backslashreplace").decode(), failed=True)

@@ -1,4 +1,4 @@
-"""In which line of its author's code an agent's thread is: for whoever waits for it."""
+"""In which line of its author's code an agent's thread is, and in which an error arose."""
 
 from __future__ import annotations
 
@@ -24,7 +24,20 @@ def whereabouts(thread_id: int | None) -> str:
     frame = None if thread_id is None else sys._current_frames().get(thread_id)
     if frame is None:
         return ""
-    for line in reversed(traceback.extract_stack(frame)):
-        if not line.filename.startswith(_NOT_THEIRS):
-            return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
-    return ""
+    line = _innermost(traceback.extract_stack(frame))
+    return "" if line is None else f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+
+
+def place_of(error: BaseException | None) -> str:
+    """The innermost line of an author's code that an error went through, as ``agent.py:12``; "" if there is none.
+
+    Of a group, as TaskGroup raises it, that of its first one.
+    """
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    line = None if error is None else _innermost(traceback.extract_tb(error.__traceback__))
+    return "" if line is None else f"{Path(line.filename).name}:{line.lineno}"
+
+
+def _innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:
+    return next((line for line in reversed(lines) if not line.filename.startswith(_NOT_THEIRS)), None)

@@ -308,7 +308,7 @@ def test_an_agent_that_raises_ends_the_run_with_its_tick(
     run.wait_for("sim time")
     children = run.children()
     assert run.finish() == 1
-    told = "the agent of UA 1 failed: ArithmeticError at a tick: a mistake of mine"
+    told = "the agent of UA 1 failed: ArithmeticError at a tick: a mistake of mine (mine.py:21)"
     assert run.summary["error"] == f"{told}; its log is logs/node-1.log"
     assert f"lostlink: {told}; its log is {run.directory}/logs/node-1.log" in run.output.decode()
     assert "Traceback" not in run.output.decode()
@@ -323,7 +323,7 @@ def test_an_agent_that_cannot_be_made_ends_the_run_by_name(
 ) -> None:
     run = start_run(scenario=with_an_agent_that(tmp_path, "construct"), processes=processes)
     assert run.finish() == 1
-    told = "the agent of UA 1 failed: KeyError in its constructor: 'altitud'"
+    told = "the agent of UA 1 failed: KeyError in its constructor: 'altitud' (mine.py:9)"
     log = run.directory / "logs" / "node-1.log"
     assert run.summary["error"] == f"{told}; its log is logs/node-1.log"
     assert run.summary["may_not_repeat"] == []

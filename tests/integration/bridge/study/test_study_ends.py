@@ -60,7 +60,8 @@ def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
     (raised,) = folders["raise"].glob("*/logs/node-1.log")
     (broken,) = folders["break"].glob("*/run.json")
     assert {does: row["failure"] for does, row in cases.items()} == {
-        "raise": "the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine; its log is logs/node-1.log",
+        "raise": "the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine (mine.py:16); "
+        "its log is logs/node-1.log",
         "die": "its process was ended by SIGKILL; see log.txt",
         "break": "the run cannot go on: the stand-in of UA 0 cannot go on: "
         "ArithmeticError: a mistake of the stand-in",

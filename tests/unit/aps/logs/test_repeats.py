@@ -69,8 +69,29 @@ def test_another_line_and_what_agents_log_themselves_are_written() -> None:
 
 def test_what_was_left_out_and_does_not_come_again_is_counted_at_the_end() -> None:
     flood: list[Line] = [(5.0, "aps.hub", "%s again", ("A",))] * 50
-    assert written(flood, to_the_end=True)[10:] == ["40 more lines like this were left out: %s again"]
+    assert written(flood, to_the_end=True)[10:] == ["40 more lines like this were left out: A again"]
     assert written(flood[:10], to_the_end=True) == ["A again"] * 10
+
+
+def test_lines_are_counted_by_what_they_say() -> None:
+    lines: list[Line] = [(5.0, "aps.hub", "%s: %s", ("velocity", "superseded"))] * 70
+    lines += [(6.0, "aps.hub", "%s: %s", ("velocity", "interrupted"))] * 12
+    lines += [(20.0, "aps.hub", "%s: %s", ("velocity", "interrupted"))]
+    assert written(lines, to_the_end=True) == [
+        *["velocity: superseded"] * 10,
+        *["velocity: interrupted"] * 10,
+        "velocity: interrupted (2 more lines like it were left out)",
+        "60 more lines like this were left out: velocity: superseded",
+    ]
+
+
+def test_lines_that_differ_are_counted_with_the_last_that_was_written() -> None:
+    lines: list[Line] = [(5.0, "aps.hub", "client %s left", (n,)) for n in range(500)]
+    assert written(lines, to_the_end=True)[300:] == [
+        "200 more lines of this kind were left out: client 299 left"
+    ]
+    later: Line = (20.0, "aps.hub", "client %s left", (7,))
+    assert written([*lines, later])[300:] == ["client 7 left (200 more lines of its kind were left out)"]
 
 
 def test_the_count_is_written_to_a_file_when_it_is_closed(tmp_path: Path) -> None:

@@ -230,6 +230,19 @@ def test_leaving_mode_or_disarming_interrupts(change, reason):
     assert (execution.result.outcome, execution.result.reason) == (Outcome.INTERRUPTED, reason)
 
 
+@pytest.mark.parametrize(
+    "text", ["Polygon fence breached", "Max Alt and Circle fences breached", "Fence Breached"]
+)
+def test_a_breach_of_the_fence_is_a_reason_though_it_is_no_warning(text):
+    execution = CommandExecution(targets.goto(FLYING, 47.01, 8.0, 20.0))
+    accepted(execution, FLYING)
+    execution.poll(FLYING, 1)
+    for said in (text, "Fence breach cleared", "Manual recovery started"):
+        execution.on_text(StatusText(5, said))
+    execution.poll(replace(FLYING, mode="RTL"), 2)
+    assert execution.result.reason == f"mode changed to RTL ({text})"
+
+
 def test_a_mode_not_yet_shown_by_the_heartbeat_is_no_interruption():
     before = replace(FLYING, mode="LOITER")
     execution = CommandExecution(targets.goto(before, 47.01, 8.0, 20.0))

@@ -12,6 +12,7 @@ import bridge.aircraft.aircraft_bridge
 import bridge.record.input_fields
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
+from aps.links.kinds.called import CalledLink
 from aps.vehicle.commander import VERBS
 from aps.vehicle.telemetry import Telemetry
 from aps.wire.framer import Frame, Framer
@@ -48,8 +49,7 @@ def test_state_is_published_at_its_rate_at_any_tick_rate(
 @pytest.mark.parametrize(
     ("verb", "goal", "says"),
     [
-        ("arm", CommandGoal(), "has not been heard"),
-        ("goto", CommandGoal(latitude_deg=100.0), "has not been heard"),
+        ("arm", CommandGoal(arguments='{"force": true}'), "arm has no argument 'force'"),
         ("dance", CommandGoal(), "dance"),
     ],
 )
@@ -83,6 +83,79 @@ def test_wrong_arguments_are_refused_in_words(
     [event] = events
     assert (event.phase, event.success, event.outcome) == (CommandEvent.RESULT, False, "refused")
     assert says in event.text
+
+
+class Silent:
+    """An autopilot that says a heartbeat when it is told to, and keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.heard = b""
+        self._said = b""
+
+    def connect(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+    def read(self) -> bytes:
+        said, self._said = self._said, b""
+        return said
+
+    def write(self, data: bytes) -> None:
+        self.heard += data
+
+    def wake(self) -> None:
+        self._said = bytes(
+            mavlink.MAVLink_heartbeat_message(2, 3, 0x51, 4, 3, 3).pack(mavlink.MAVLink(None, 1, 1))
+        )
+
+    def commands(self) -> list[int]:
+        heard = mavlink.MAVLink(None).parse_buffer(self.heard) or []
+        return [message.command for message in heard if message.get_type() == "COMMAND_LONG"]
+
+
+def early(autopilot: Silent) -> tuple[AircraftBridge, list[CommandEvent]]:
+    """An aircraft that was commanded at 0 s, before its autopilot was heard, and lived until 29.9 s."""
+    daemon = HeldDaemon(DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=1), autopilot=autopilot)
+    assert isinstance(daemon.link, CalledLink)
+    daemon.link.connect_now()
+    aircraft, events = AircraftBridge(daemon, "0"), list[CommandEvent]()
+    for tick in range(300):
+        aircraft.begin(tick * S // 10)
+        if tick == 0:
+            aircraft.start("mode", CommandGoal(mode="GUIDED"), events.append)
+            aircraft.start("arm", CommandGoal(), events.append)
+        aircraft.end()
+    assert events == []
+    assert autopilot.commands() == []
+    return aircraft, events
+
+
+def test_commands_before_the_autopilot_is_heard_wait_for_it_and_start_in_their_order() -> None:
+    autopilot = Silent()
+    aircraft, events = early(autopilot)
+    autopilot.wake()
+    aircraft.begin(30 * S)
+    aircraft.end()
+    assert [command for command in autopilot.commands() if command != 511] == [176, 400]
+    assert events == []
+    aircraft.start("goto", CommandGoal(latitude_deg=100.0), events.append)
+    assert events[0].text == "lat_deg must be in -90..90, not 100.0"
+
+
+def test_commands_to_an_autopilot_that_is_never_heard_time_out() -> None:
+    autopilot = Silent()
+    aircraft, events = early(autopilot)
+    aircraft.begin(30 * S)
+    aircraft.end()
+    assert [(event.phase, event.outcome, event.text) for event in events] == [
+        (CommandEvent.RESULT, "timed_out", f"{verb} timed out: the autopilot has not been heard for 30 s")
+        for verb in ("mode", "arm")
+    ]
+    autopilot.wake()
+    aircraft.begin(31 * S)
+    aircraft.end()
+    assert len(events) == 2
+    assert not {176, 400} & set(autopilot.commands())
 
 
 def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_the_radio_and_is_said_once() -> None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from aps.links.kinds.held_udp import HeldUdpLink
+from aps.wire.framer import Framer
+from bridge.agents.client import UaClient
 from bridge.bus.messages import AgentStatus
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.record.provenance import collect, px4_origin, standin_origin, write_provenance
@@ -49,6 +53,31 @@ async def test_an_autopilot_of_another_system_is_told_at_once(tmp_path: Path) ->
     assert outlets.warnings == [
         (5, "UA 0: its autopilot calls itself system 9: nothing that it says is taken")
     ]
+    aircraft.close()
+
+
+async def test_the_newest_warning_of_its_autopilot_is_for_its_agent(tmp_path: Path) -> None:
+    scenario, outlets = read_scenario("separation"), Said()
+    run = RunDirectory.create(tmp_path, scenario.name)
+    run.write(scenario, "tcp/127.0.0.1:1")
+    aircraft = HostedAircraft(run, scenario.ua[0], outlets)  # type: ignore[arg-type]
+    texts = (
+        (3, "PreArm: GPS 1: Bad fix"),
+        (4, "PreArm: Fences enabled, but none selected"),
+        (6, "AHRS: active"),
+    )
+    mav, vehicle = (
+        mavlink.MAVLink(None, srcSystem=scenario.ua[0].sysid, srcComponent=1),
+        aircraft.daemon.vehicle,
+    )
+    for severity, text in texts:
+        packed = mavlink.MAVLink_statustext_message(severity, text.encode()).pack(mav)
+        for frame in Framer().receive(bytes(packed)):
+            vehicle.receive(frame, 0)
+    ua = UaClient("0", outlets)  # type: ignore[arg-type]
+    for arrival in aircraft.node.arrivals.take():
+        arrival(ua)
+    assert ua.warning == "PreArm: Fences enabled, but none selected"
     aircraft.close()
 
 

@@ -9,6 +9,7 @@ from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.flight.setpoints import offset_deg
 from aps.vehicle.state import VehicleState
+from aps.wire.framer import Framer
 from tests.unit.aps.vehicle.peer import Bench
 
 S = 1_000_000_000
@@ -231,6 +232,95 @@ def test_a_newer_target_supersedes_and_another_command_interrupts():
         "goto superseded: by velocity",
         "velocity interrupted: by rtl",
     ]
+
+
+FLOWN = (
+    ("velocity", (1.0, 0.0)),
+    ("follow", (47.0, 8.0, 20.0)),
+    ("goto", (47.0, 8.0, 20.0)),
+    ("goto_ned", (1.0, 2.0, -3.0)),
+    ("orbit", (47.0, 8.0, 20.0, 10.0)),
+)
+
+
+def heartbeat(*, armed):
+    return mavlink.MAVLink_heartbeat_message(2, 3, 0x51 | (0x80 if armed else 0), 4, 4, 3)
+
+
+def ends_of(bench, commands):
+    ends = []
+    for verb, arguments in commands:
+        bench.commands.start(verb, *arguments, on_done=lambda result: ends.append(str(result)))
+    return ends
+
+
+def test_targets_for_a_ua_that_is_told_to_be_disarmed_are_interrupted_at_once_and_nothing_is_sent():
+    bench = guided()
+    first = ends_of(bench, FLOWN[:1])
+    bench.tell(heartbeat(armed=False))
+    assert first == ["velocity interrupted: the UA is not armed"]
+    bench.step()
+    heard = len(bench.autopilot.heard)
+    assert ends_of(bench, FLOWN) == [f"{verb} interrupted: the UA is not armed" for verb, _ in FLOWN]
+    bench.step()
+    assert len(bench.autopilot.heard) == heard
+    assert ends_of(bench, [("hold", ())]) == [], "which one may that stands"
+
+
+def test_a_target_that_fails_at_once_leaves_what_is_flown():
+    bench = guided()
+    bench.tell(heartbeat(armed=False))
+    assert ends_of(bench, [("land", ()), *FLOWN[:1]]) == ["velocity interrupted: the UA is not armed"]
+
+
+def arms(bench, by):
+    """Have the UA armed, which no heartbeat shows yet."""
+    if by == "us":
+        bench.commands.start("arm")
+    else:
+        client = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        message = mavlink.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+        (frame,) = Framer().receive(bytes(message.pack(client)))
+        assert bench.vehicle.client_frame(frame, 1) is not None
+
+
+@pytest.mark.parametrize("by", ["us", "a client"])
+def test_a_target_after_arming_waits_for_a_heartbeat_to_show_it(by):
+    bench = guided()
+    bench.tell(heartbeat(armed=False))
+    bench.step()
+    arms(bench, by)
+    ends = ends_of(bench, FLOWN[:1])
+    for _ in range(21):
+        bench.step()
+    bench.tell(heartbeat(armed=True))
+    assert ends == []
+    arms(bench, by)
+    bench.step()
+    bench.tell(heartbeat(armed=False))
+    assert ends == ["velocity interrupted: the UA is not armed"]
+    assert ends_of(bench, FLOWN[:1]) == [], "that heartbeat may be older than the arming"
+    for _ in range(20):
+        bench.step()
+    bench.tell(heartbeat(armed=False))
+    assert ends_of(bench, FLOWN[:1]) == ["velocity interrupted: the UA is not armed"]
+
+
+def test_a_silent_autopilot_is_not_known_to_be_disarmed():
+    bench = guided()
+    bench.tell(heartbeat(armed=False))
+    bench.now_ns += 5 * S
+    assert ends_of(bench, FLOWN[:1]) == []
+
+
+def test_a_velocity_that_nothing_has_shown_to_be_flown_is_not_reached():
+    on_ground = replace(COPTER, armed=False)
+    flight = Flight(targets.velocity(on_ground, 1.0, 0.0, duration_s=3.0), on_ground)
+    flight.after(0.0)
+    flight.after(2.99)
+    assert flight.execution.result is None
+    flight.after(0.01)
+    assert str(flight.execution.result) == "velocity interrupted: the UA is not armed"
 
 
 def test_what_this_vehicle_cannot_do_is_refused_not_raised():

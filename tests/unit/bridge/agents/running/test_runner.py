@@ -107,6 +107,14 @@ class Flown:
         return [(channel, stamp.sim_time_ns // TICK_NS) for channel, _, stamp in self.outlet.sent]
 
 
+def failures_of(agent: Flown) -> list[str]:
+    """What was reported as a failure, without the line of this file in which it arose: one is told of each."""
+    told = [status.activity for status in agent.outlet.reports if status.failed]
+    parts = [re.fullmatch(r"(.*) \(test_runner\.py:\d+\)", text) for text in told]
+    assert all(parts), told
+    return [part[1] for part in parts if part]
+
+
 @pytest.fixture
 def flown() -> Iterator[list[Flown]]:
     agents: list[Flown] = []
@@ -208,7 +216,8 @@ def test_an_error_that_is_no_text_in_utf8_is_told_all_the_same(
     flown[0].tick()
     (status,) = flown[0].outlet.reports
     assert status.failed
-    assert decode(encode(status), AgentStatus).activity.endswith("a\\ud83d")
+    line = Careless.fly.__code__.co_firstlineno + 1
+    assert decode(encode(status), AgentStatus).activity.endswith(f"a\\ud83d (test_runner.py:{line})")
 
 
 def test_a_slow_agent_keeps_the_tick_open_and_nothing_else(flown: list[Flown]) -> None:
@@ -548,6 +557,32 @@ def test_waits_for_states_and_their_time_outs(flown: list[Flown]) -> None:
     assert [entry for entry in agent.sent if entry[0] != "team"] == [("armed", 2), *late, ("in_time", 31)]
 
 
+@pytest.mark.parametrize(
+    ("warns", "why"), [(True, ": PreArm: Fences enabled, but none selected"), (False, "")]
+)
+def test_a_take_off_that_waits_for_long_says_why(flown: list[Flown], warns: bool, why: str) -> None:
+    class Climber(Agent):
+        async def fly(self) -> None:
+            await self.take_off(10.0)
+
+    flown.append(Flown(Climber))
+    agent = flown[0]
+    if warns:
+        agent.tick(lambda ua: ua.take_warning("PreArm: Fences enabled, but none selected"))
+    waits = "waits until the autopilot is ready to arm"
+    while agent.number < 59.9 * 20:
+        agent.tick()
+    assert [report.activity for report in agent.outlet.reports] == [waits]
+    while agent.number < 60.1 * 20:
+        agent.tick()
+    assert [report.activity for report in agent.outlet.reports] == [waits, f"still {waits}{why}"]
+    while agent.number < 180.2 * 20:
+        agent.tick()
+    assert failures_of(agent) == [
+        f"the autopilot was not ready to arm within 180 s of sim time{why}; the log of its host has all that it said"
+    ]
+
+
 class Looker(Agent):
     """Looks at the packages and at who was heard, at the ticks that are told, and keeps what it saw."""
 
@@ -637,8 +672,10 @@ def test_what_the_agent_raises_is_reported_once_with_its_place(flown: list[Flown
     flown.append(Flown(Faulty))
     flown[0].ticks(4)
     failed = [status.activity for status in flown[0].outlet.reports if status.failed]
-    place = {"fly": "in flight", "tick": "at a tick"}.get(where, "in a task of its own")
-    assert failed == [f"ArithmeticError {place}: mine"]
+    when = {"fly": "in flight", "tick": "at a tick"}.get(where, "in a task of its own")
+    codes = {"fly": Faulty.fly.__code__, "tick": Faulty.on_tick.__code__}
+    line = codes.get(where, Faulty.mistake.__code__).co_firstlineno + (1 if "task" in where else 2)
+    assert failed == [f"ArithmeticError {when}: mine (test_runner.py:{line})"]
 
 
 @pytest.mark.parametrize("error", [SystemExit(3), KeyboardInterrupt("3")])
@@ -667,8 +704,7 @@ def test_a_callback_that_exits_is_reported_by_what_it_raised(
 
     agent = Flown(Exiting)
     agent.tick(lambda ua: ua.take_packet("0", "mine", b"", Reception(0, 0, 0)))
-    failed = [status.activity for status in agent.outlet.reports if status.failed]
-    assert failed == [f"{type(error).__name__} {place}: 3"]
+    assert failures_of(agent) == [f"{type(error).__name__} {place}: 3"]
     agent.runner.ask_to_stop()
     assert agent.runner.join(5.0)
 
@@ -680,7 +716,56 @@ def test_an_exception_without_a_text_is_told_by_its_name_alone(flown: list[Flown
 
     flown.append(Flown(Faulty))
     flown[0].tick()
-    assert [status.activity for status in flown[0].outlet.reports] == ["AssertionError in flight"]
+    assert failures_of(flown[0]) == ["AssertionError in flight"]
+
+
+FAULTS = """\
+import json
+from bridge.agents import Agent
+
+class Within(Agent):
+    async def fly(self):
+        json.loads("{")
+
+class Lines(Agent):
+    def on_tick(self, sim_time_ns):
+        raise ValueError("one\\ntwo")
+
+class Group(Agent):
+    async def fly(self):
+        try:
+            json.loads("{")
+        except ValueError as error:
+            raise ExceptionGroup("several", [error])
+
+class Refused(Agent):
+    async def fly(self):
+        await self.ua.arm()
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("Within", "JSONDecodeError in flight: Expecting .* (careless.py:6)"),
+        ("Lines", "ValueError at a tick: one (careless.py:10)\ntwo"),
+        ("Group", "ExceptionGroup in flight: several .* (careless.py:15)"),
+        ("Refused", "arm: arm refused: no (careless.py:21)"),
+    ],
+)
+def test_a_failures_place_is_the_innermost_in_the_agents_code_behind_the_first_line(
+    flown: list[Flown], tmp_path: Path, name: str, says: str
+) -> None:
+    file = tmp_path / "careless.py"
+    file.write_text(FAULTS)
+    flown.append(Flown(load_class(str(file), name)))
+    agent = flown[0]
+    agent.tick()
+    refusal = CommandEvent(CommandEvent.RESULT, False, "arm refused: no", outcome="refused")
+    for _, on_event in agent.outlet.commands:
+        agent.tick(lambda ua, on_event=on_event: on_event(refusal))
+    [failed] = [status.activity for status in agent.outlet.reports if status.failed]
+    assert re.fullmatch(re.escape(says).replace(r"\.\*", ".*"), failed), failed
 
 
 def test_of_a_group_of_exceptions_the_first_is_told_by_name(flown: list[Flown]) -> None:
@@ -694,9 +779,10 @@ def test_of_a_group_of_exceptions_the_first_is_told_by_name(flown: list[Flown]) 
 
     flown.append(Flown(Divided))
     flown[0].tick()
+    line = Divided.part.__code__.co_firstlineno + 1
     assert [status.activity for status in flown[0].outlet.reports] == [
         "ExceptionGroup in flight: unhandled errors in a TaskGroup (1 sub-exception): "
-        "CommandTimedOut: UA 1: goto: timed out"
+        f"CommandTimedOut: UA 1: goto: timed out (test_runner.py:{line})"
     ]
 
 
@@ -728,7 +814,7 @@ def test_a_thread_that_ends_says_so_and_leaves_no_tick_open(how: str) -> None:
 
     agent = Flown(Gone)
     agent.ticks(3)
-    [failed] = [status.activity for status in agent.outlet.reports if status.failed]
+    [failed] = failures_of(agent)
     assert (
         failed
         == {
