@@ -40,7 +40,7 @@ class AirFrame:
         attempt: the how-manieth transmission of the same.
         channel: on which only those hear it that listen there.
         bit_rate_bps: at which its errors are reckoned; None: the radio's.
-        in_turn: it is its node's turn, which transmits something whatever became of frames before.
+        in_turn: it is its node's turn, which transmits something whatever became of its frames before.
         met: what its world keeps of it; nobody else's.
     """
 

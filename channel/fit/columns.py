@@ -13,30 +13,44 @@ from channel.config import RadioConfig
 from channel.fit.flight_log import (
     ALL_RECEIVERS,
     BEFORE_THE_RADIO,
+    MAIN,
     NO_OUTCOME,
+    OF_A_RUN,
     FlightLog,
     FlightLogError,
     links_of,
     read_csv_log,
+    single_trials,
 )
 
-COLUMNS: Final = ("distance_m", "delivered", "fate", "length_bytes", "rssi_dbm", "tx", "rx")
+COLUMNS: Final = (
+    "distance_m",
+    "delivered",
+    "fate",
+    "length_bytes",
+    "rssi_dbm",
+    "tx",
+    "rx",
+    "radio",
+    "attempts",
+)
 
 
-def read_log(file: Path, base: RadioConfig) -> FlightLog:
+def read_log(file: Path, base: RadioConfig, network: str = MAIN) -> FlightLog:
     """Read a flight log: Parquet if the file's name ends in .parquet, else CSV.
 
     Raises:
-        FlightLogError: no such file, a missing column, or a value that is none.
+        FlightLogError: no such file, a missing column, a value that is none, or a run that cannot be fitted.
     """
-    return read_parquet_log(file, base) if file.suffix.lower() == ".parquet" else read_csv_log(file, base)
+    read = read_parquet_log if file.suffix.lower() == ".parquet" else read_csv_log
+    return read(file, base, network)
 
 
-def read_parquet_log(file: Path, base: RadioConfig) -> FlightLog:
+def read_parquet_log(file: Path, base: RadioConfig, network: str = MAIN) -> FlightLog:
     """Read a Parquet file with the columns that `log_of_columns` takes.
 
     Raises:
-        FlightLogError: no such file, a missing column, or a value that is none.
+        FlightLogError: no such file, a missing column, a value that is none, or a run that cannot be fitted.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -50,10 +64,12 @@ def read_parquet_log(file: Path, base: RadioConfig) -> FlightLog:
     except (pa.ArrowException, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise FlightLogError(f"cannot read {file}: {reason}") from error
-    return log_of_columns(columns, base, str(file))
+    return log_of_columns(columns, base, str(file), network)
 
 
-def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place: str) -> FlightLog:
+def log_of_columns(
+    columns: Mapping[str, NDArray[Any]], base: RadioConfig, place: str, network: str = MAIN
+) -> FlightLog:
     """Make a flight log of `distance_m`, `delivered` or `fate`, and optional `length_bytes`, `rssi_dbm`, `tx` and `rx`.
 
     They mean what they mean in a CSV (`channel.fit.flight_log.read_flight_log`): packets that never came to the radio
@@ -63,14 +79,18 @@ def log_of_columns(columns: Mapping[str, NDArray[Any]], base: RadioConfig, place
         columns: arrays of one length, by name.
         base: the radio to start from.
         place: where they are from, for errors.
+        network: of a run's deliveries, which radio network's.
 
     Raises:
-        FlightLogError: a missing column, a value that is none, or no row.
+        FlightLogError: a missing column, a value that is none, no row, or a run that cannot be fitted.
     """
     if "distance_m" not in columns:
         raise FlightLogError(f"{place}: has no column distance_m")
     if not {"fate", "delivered"} & columns.keys():
         raise FlightLogError(f"{place}: {NO_OUTCOME}")
+    if columns.keys() >= OF_A_RUN:
+        mine = single_trials(columns["radio"], columns["attempts"], network, place)
+        columns = {name: values[mine] for name, values in columns.items()}
     delivered = columns["fate"] == "delivered" if "fate" in columns else columns["delivered"]
     try:
         distance_m = columns["distance_m"].astype(float)

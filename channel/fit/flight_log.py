@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,10 @@ BEFORE_THE_RADIO = frozenset({"transport", "too_long", "no_position", "radio_off
 NO_OUTCOME = "has no column delivered (1 or 0), nor fate: which packets arrived has to be said"
 ALL_RECEIVERS = "all"
 """In the column `rx` of a run's deliveries: packets that were lost together, in one row."""
+MAIN = "main"
+"""In their column `radio`: the network that has all nodes."""
+OF_A_RUN = frozenset({"fate", "radio", "attempts"})
+"""Columns by which a table is known for a run's deliveries."""
 
 
 class FlightLogError(ValueError):
@@ -94,16 +99,36 @@ class FlightLog:
         )
 
 
-def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
+def single_trials(radio: NDArray[Any], attempts: NDArray[Any], network: str, place: str) -> NDArray[np.bool_]:
+    """Return which rows of a run's deliveries are of a radio network.
+
+    Raises:
+        FlightLogError: none, or some of packets that were on the air more than once.
+    """
+    mine = np.asarray(radio == network, dtype=np.bool_)
+    if mine.size and not mine.any():
+        there = ", ".join(sorted(set(radio.tolist())))
+        raise FlightLogError(f"--network {network}: {place} has packets of {there}")
+    again = int(np.count_nonzero(attempts[mine] > 1))
+    if again:
+        raise FlightLogError(
+            f"{place}: {again} of {np.count_nonzero(mine)} packets of network {network} were on the air more than once "
+            "(attempts): what became of them is no single trial of a radio"
+        )
+    return mine
+
+
+def read_flight_log(file: Path, default_length_bytes: int, network: str = MAIN) -> FlightLog:
     """Read a CSV with a heading.
 
     Columns: `distance_m`, or tx_lat_deg, tx_lon_deg, tx_alt_m and the same for rx; `delivered` (1/0, true/false) or
     `fate` (delivered, or the cause of the loss, as in a run's deliveries); optional `length_bytes` and `rssi_dbm`
     (empty where there is none), `tx` and `rx` (which pair of ends). Others are left alone, and so are lost packets
-    whose distance is not known, and those that never came to the radio.
+    whose distance is not known, and those that never came to the radio. Of a run's deliveries those of one radio
+    network are read (`single_trials`).
 
     Raises:
-        FlightLogError: no such file, a missing column, or a value that is none.
+        FlightLogError: no such file, a missing column, a value that is none, or a run that cannot be fitted.
     """
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
@@ -123,12 +148,15 @@ def read_flight_log(file: Path, default_length_bytes: int) -> FlightLog:
         raise FlightLogError(f"{file}: not a CSV of text: {error}") from error
     if not rows:
         raise FlightLogError(f"{file}: no rows")
-    *columns, tx, rx = (list(column) for column in zip(*rows, strict=True))
+    *columns, tx, rx, radio, attempts = (list(column) for column in zip(*rows, strict=True))
     distance, delivered, length, rssi = (np.asarray(column) for column in columns)
     link = links_of(tx, rx)
-    return FlightLog(
+    log = FlightLog(
         distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float), link
     )
+    if names >= OF_A_RUN:
+        return log.part(single_trials(np.array(radio), np.array(attempts), network, str(file)))
+    return log
 
 
 def links_of(tx: Sequence[str], rx: Sequence[str]) -> NDArray[np.intp]:
@@ -137,14 +165,14 @@ def links_of(tx: Sequence[str], rx: Sequence[str]) -> NDArray[np.intp]:
     return np.unique(pairs, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
-def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
+def read_csv_log(file: Path, base: RadioConfig, network: str = MAIN) -> FlightLog:
     """Return what `read_flight_log` returns, with the lengths as a radio counts them.
 
     A radio with a fixed length has it for every packet, and where the log has none the nominal one counts. The lengths
     of a log that has some are taken as they are: a run's deliveries have them as the error model counted them.
     """
     nominal = base.length.length_bytes(base.nominal_payload_bytes)
-    log = read_flight_log(file, nominal)
+    log = read_flight_log(file, nominal, network)
     if base.length.model == "fixed":
         return replace(log, length_bytes=np.full(log.packets, float(nominal)))
     return log
@@ -152,7 +180,7 @@ def read_csv_log(file: Path, base: RadioConfig) -> FlightLog:
 
 def _row(
     row: Mapping[str, str | None], names: set[str], default_length: int, place: str
-) -> tuple[float, bool, float, float, str, str]:
+) -> tuple[float, bool, float, float, str, str, str, float]:
     if "distance_m" in names:
         distance = _number(row, "distance_m", place)
     elif names.issuperset(POSITION_COLUMNS):
@@ -166,8 +194,9 @@ def _row(
         raise FlightLogError(f"{place}: length_bytes = {length:g}: has to be from 0 to {MAX_LENGTH_BYTES}")
     has_rssi = (row.get("rssi_dbm") or "").strip().lower() not in NOTHING
     rssi = _number(row, "rssi_dbm", place) if has_rssi else float("nan")
-    tx, rx = (row.get(end) or "" for end in ("tx", "rx"))
-    return distance, _delivered(row, place), length, rssi, tx, rx
+    tx, rx, radio = (row.get(name) or "" for name in ("tx", "rx", "radio"))
+    attempts = _number(row, "attempts", place) if names >= OF_A_RUN else 1.0
+    return distance, _delivered(row, place), length, rssi, tx, rx, radio, attempts
 
 
 def _lost_nowhere(row: Mapping[str, str | None]) -> bool:

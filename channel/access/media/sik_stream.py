@@ -95,7 +95,7 @@ class ByteStream:
         return parts
 
     def _stays_whole(self, packet: AirPacket) -> bool:
-        return packet.length_bytes <= self._framed_bytes
+        return self._framed_bytes > 0 and packet.length_bytes <= self._framed_bytes
 
     def _passage(self, room_bytes: int, tick: int, *, is_first: bool, is_stream: bool) -> Passage | None:
         """The packet that is cut next; a frame has whole packets, or a part of the stream of those that are not."""

@@ -75,15 +75,13 @@ def fit(
     if sent is None:
         from channel.fit.columns import read_log
 
-        run_fit(request, log.stem, lambda base: read_log(log, base))
+        run_fit(request, log.stem, lambda base: read_log(log, base, network))
         return
     place = None if receiver_at is None else _place(receiver_at)
     run_fit(request, log.stem, lambda base: _from_logs(base, log, sent, sender_sysid, place, rssi_scale))
 
 
 def _from_run(base: RadioConfig, run: Path, network: str) -> FlightLog:
-    import numpy as np
-
     from bridge.record.tables.deliveries import DELIVERIES
     from bridge.record.tables.reader import read_columns
     from channel.fit.columns import log_of_columns
@@ -93,17 +91,7 @@ def _from_run(base: RadioConfig, run: Path, network: str) -> FlightLog:
         columns = read_columns(run, DELIVERIES, names)
     except (OSError, ValueError) as error:
         raise BadInput(str(error)) from error
-    mine = columns["radio"] == network
-    if not mine.any() and mine.size:
-        there = ", ".join(sorted(set(columns["radio"].tolist())))
-        raise BadInput(f"--network {network}: {run} has packets of {there}")
-    again = int(np.count_nonzero(columns["attempts"][mine] > 1))
-    if again:
-        raise BadInput(
-            f"{run}: {again} of {np.count_nonzero(mine)} packets of network {network} were on the air more than once "
-            "(attempts): what became of them is no single trial of a radio"
-        )
-    return log_of_columns({name: values[mine] for name, values in columns.items()}, base, str(run))
+    return log_of_columns(columns, base, str(run), network)
 
 
 def _from_logs(

@@ -227,6 +227,12 @@ def test_frames_are_those_of_the_firmware(
     assert [sum(part.length_bytes for part in stream.cut(room, tick)) for tick, room in looks] == frames
 
 
+def test_without_framing_an_empty_packet_is_a_byte_of_the_stream() -> None:
+    queue = [AirPacket(0, number, None, length_bytes, 0) for number, length_bytes in enumerate((20, 0, 30))]
+    stream = ByteStream(lambda: queue[0] if queue else None, lambda: queue.pop(0), 0)
+    assert [part.length_bytes for part in stream.cut(100, 0)] == [20, 1, 30]
+
+
 def test_a_packet_that_takes_the_place_of_one_that_was_held_back_is_cut_as_that() -> None:
     """The host has a new state each 0.1 s, more often than a window opens (0.275 s): they come all the same."""
     medium = Sik(PlainWorld((0, 1)), SikSettings(24))

@@ -94,19 +94,33 @@ def packets(run: Path, radio: str, exponent: float, attempts: int = 1) -> None:
     writer.close()
 
 
-def test_a_fit_is_of_one_network(tmp_path: Path) -> None:
+def left_by(run: Path, kind: str) -> Path:
+    """A run's packets, as its directory or a file of them."""
+    finish_tables(run)
+    if kind == "csv":
+        export_csv(run, run)
+    return run if kind == "run" else run / f"deliveries.{kind}"
+
+
+KINDS = pytest.mark.parametrize("kind", ["run", "parquet", "csv"])
+
+
+@KINDS
+def test_a_fit_is_of_one_network(tmp_path: Path, kind: str) -> None:
     """Beside one that brought nothing over; both together had half of the packets near by lost."""
     packets(tmp_path, "main", 2.5)
-    found = json.loads(fitted(tmp_path).output)
+    log = left_by(tmp_path, kind)
+    found = json.loads(fitted(log).output)
     assert found["packets"] == 2000
     assert found["radio"]["base_loss"] < 0.05
-    assert "none of 2000 packets arrived" in fitted(tmp_path, "--network", "other").output
-    assert "has packets of main, other" in fitted(tmp_path, "--network", "mesh").output
+    assert "none of 2000 packets arrived" in fitted(log, "--network", "other").output
+    assert "has packets of main, other" in fitted(log, "--network", "mesh").output
 
 
-def test_packets_that_were_tried_again_are_no_trials_of_a_radio(tmp_path: Path) -> None:
+@KINDS
+def test_packets_that_were_tried_again_are_no_trials_of_a_radio(tmp_path: Path, kind: str) -> None:
     packets(tmp_path, "main", 2.5, attempts=3)
-    done = fitted(tmp_path)
+    done = fitted(left_by(tmp_path, kind))
     assert done.exit_code != 0
     assert "2000 of 2000 packets of network main were on the air more than once" in done.output
 
