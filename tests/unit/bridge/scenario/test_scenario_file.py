@@ -310,3 +310,26 @@ def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Pat
         ScenarioError, match=r"mission.yaml:16: radio.error.table_file: cannot read .*loss.csv"
     ):
         read_scenario(path)
+
+
+LONG = "a" * 400 + ".yaml"
+"""More than a name of a file can be: looking for it is an error, as in a folder that is another user's."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("radio: hata-qpsk", f"radio: {LONG}"),
+        ("radio: hata-qpsk", "radio: ~nobody-is-called-so/a.yaml"),
+        ("radio: hata-qpsk", f"radio: hata-qpsk\nwind: {LONG}"),
+        ("airframe: f450", f"airframe: {LONG}"),
+        ("schema: 1", f"schema: 1\nextends: {LONG}"),
+        ("schema: 1", "schema: 1\nextends: ~nobody-is-called-so/a.yaml"),
+    ],
+)
+def test_files_that_cannot_be_looked_for_are_told_by_name(old: str, new: str) -> None:
+    assert old in TEXT
+    with pytest.raises(ScenarioError, match=r"^mine\.yaml:.*(a\.yaml|name too long)"):
+        parse_scenario(TEXT.replace(old, new), "mine.yaml")
+    with pytest.raises(ScenarioError, match=LONG):
+        read_scenario(LONG)
