@@ -98,3 +98,22 @@ async def test_a_process_that_died_is_an_event_and_a_reason(
     assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "died")
     assert event.text == "host-0 ended with status 3; its log is logs/host-0.log"
     assert reports.may_not_repeat == ("host-0 ended with status 3 at 12.50 s, before the run ended",)
+
+
+class WithoutLog(Fleet):
+    """A fleet of one process that dies when its log has been removed."""
+
+    async def _fly(self) -> Ending:
+        self._write_run()
+        self._parts = ManyProcesses(self._run, self._crew, self, self._observer.on_phase)
+        command = [sys.executable, "-c", "import time; time.sleep(60)"]
+        log = self._run.log_path("host-0")
+        child = self._crew.start(ProcessSpec("host-0", command, log))
+        log.unlink()
+        child.kill()
+        return await asyncio.wait_for(self._outcome, 10.0)
+
+
+async def test_a_process_that_dies_ends_the_run_also_when_its_log_has_been_removed(run: RunDirectory) -> None:
+    with pytest.raises(FleetError, match=r"^host-0 was ended by SIGKILL; its log is .*host-0\.log$"):
+        await WithoutLog(read_scenario("separation"), run, OBSERVER, how="many").fly()
