@@ -40,6 +40,12 @@ NODES = {"ground": "GroundNode", "emitter": "EmitterNode"}
 """By kind; without one it is an aircraft."""
 PLACE_OF = {"home": "HomePlace", "place": "GroundPlace"}
 TAGS = ("type", "kind", "model")
+ONE_EACH: Schema = {
+    "type": "object",
+    "required": [EACH],
+    "properties": {EACH: {"type": "array", "minItems": 1}},
+    "additionalProperties": False,
+}
 LEAVES = ("string", "number", "integer", "boolean")
 
 
@@ -143,14 +149,25 @@ def _or_by_index(schema: Schema) -> Schema:
 
 
 def _by_index() -> Schema:
-    each = {"type": "object", "required": [EACH], "properties": {EACH: {"type": "array"}}}
-    return {"anyOf": [{"type": "string", "pattern": r"\{.*\}"}, each]}
+    return {"anyOf": [{"type": "string", "pattern": r"\{.*\}"}, ONE_EACH]}
+
+
+def _or_one_each(schema: Schema) -> Schema:
+    """A schema of a list or mapping that takes a list of such as well, one for each node."""
+    if reference(BY_INDEX) in schema.get("anyOf", []):
+        return schema
+    words = {"description": schema["description"]} if "description" in schema else {}
+    return {"if": {"type": "object", "required": [EACH]}, "then": ONE_EACH, "else": schema, **words}
 
 
 def _with_groups(parts: dict[str, Schema]) -> None:
     """Let parts of nodes be groups, with a count and a pattern."""
     for name in ("Aircraft", *NODES.values()):
+        properties = parts[PART + name]["properties"]
         parts[PART + name]["required"] = ["id"]
+        properties.update(
+            {key: _or_one_each(part) for key, part in properties.items() if key not in {"id", *TAGS}}
+        )
         parts[PART + name]["properties"][COUNT] = {
             "type": ["integer", "null"],
             "minimum": 0,
