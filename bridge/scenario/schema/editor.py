@@ -77,11 +77,11 @@ def editor_schema() -> Schema:
         "additionalProperties": False,
         "properties": _extending() | {key: {} for key in properties},
         "if": {"required": [EXTENDS]},
-        "then": {"properties": {**part_of_scenario, **lists, "nodes": _nodes(PART, PART)}},
+        "then": {"properties": {**part_of_scenario, **lists, "nodes": _nodes_laid_over()}},
         "else": {
             "required": scenario["required"],
             "not": {"required": [WITHOUT]},
-            "properties": {**properties, "nodes": {**_nodes("", PART), "minItems": 1}},
+            "properties": {**properties, "nodes": {**_nodes(), "minItems": 1}},
         },
         "definitions": definitions | parts | patterns | presets | {BY_INDEX: _by_index()},
     }
@@ -181,17 +181,30 @@ def _with_groups(parts: dict[str, Schema]) -> None:
             parts[PART + PLACE_OF[place]]["properties"][key] = part
 
 
-def _nodes(of_one: str, of_group: str) -> Schema:
+def _nodes() -> Schema:
     """A list of nodes, or groups of them."""
+    one, group = (_by_kind(prefix, reference(f"{prefix}Aircraft")) for prefix in ("", PART))
+    return _list_of_nodes({"if": {"required": [COUNT]}, "then": group, "else": one})
 
-    def kinds(prefix: str) -> Schema:
-        schema = reference(f"{prefix}Aircraft")
-        for kind, name in NODES.items():
-            is_one = {"properties": {"kind": {"const": kind}}, "required": ["kind"]}
-            schema = {"if": is_one, "then": reference(prefix + name), "else": schema}
-        return schema
 
-    item = {"if": {"required": [COUNT]}, "then": kinds(of_group), "else": kinds(of_one)}
+def _nodes_laid_over() -> Schema:
+    """A list of parts of nodes, or of groups: one without a kind has that of the node below."""
+    aircraft, *others = (reference(PART + name) for name in ("Aircraft", *NODES.values()))
+    is_word = {"properties": {"id": {"type": "string"}}, "required": ["id"]}
+    unsaid = {"if": is_word, "then": {"anyOf": [aircraft, *others]}, "else": aircraft}
+    return _list_of_nodes(_by_kind(PART, unsaid))
+
+
+def _by_kind(prefix: str, unsaid: Schema) -> Schema:
+    """A node of the kind that it says, ``unsaid`` if it says none."""
+    schema = unsaid
+    for kind, name in NODES.items():
+        is_one = {"properties": {"kind": {"const": kind}}, "required": ["kind"]}
+        schema = {"if": is_one, "then": reference(prefix + name), "else": schema}
+    return schema
+
+
+def _list_of_nodes(item: Schema) -> Schema:
     return {
         "type": "array",
         "items": item,

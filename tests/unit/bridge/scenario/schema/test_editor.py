@@ -111,6 +111,11 @@ def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
     [
         {"extends": "separation"},
         {"extends": "base.yaml", "without": [1], "nodes": [{"id": 0, "agent": {"altitude_m": 9}}]},
+        {
+            "extends": "base.yaml",
+            "nodes": [{"id": "gcs", "place": {"north_m": 3}}, {"id": "jam", "duty": 0.5}],
+        },
+        {"extends": "base.yaml", "nodes": [{"id": "{i + 4}", "count": 2, "airframe": "f450"}]},
         {"extends": "base.yaml", "nodes": [{"id": 0, "count": 9}], "origin": {"lat_deg": 3}},
         {
             "extends": "base.yaml",
