@@ -131,6 +131,9 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("seed: 1", "wind: {constant: {speed_mps: true}}", "wind.constant.speed_mps", "a number (got true)"),
         ("seed: 1", "fdm: {px4: {gps_vertical_sigma_m: true}}", "fdm.px4.gps_vertical_sigma_m", "(got true)"),
         ("seed: 1", "seed: true", "seed", "has to be a whole number (got true)"),
+        ("seed: 1", "se[d: 1", "se[d", "unknown key; did you mean seed?"),
+        ("seed: 1", "int: 1", "int", "unknown key; allowed here: schema, "),
+        ("north_m: 5", "'nor[h_m': 5", "nodes.1.home.nor[h_m", "unknown key; did you mean north_m?"),
     ],
 )
 def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
