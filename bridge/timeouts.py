@@ -31,6 +31,8 @@ BLOCKED_LOOK_S = 1.0
 SILENCE_S = 90.0
 """Without a tick for so long, the run is given up. Longer than START_S, and than STALL_S; with a longer stall in a
 scenario (fdm.stall_timeout_s), twice that."""
+LOOK_PERIOD_S = 1.0
+"""How often the supervisor looks for a tick, and at the sizes of logs."""
 LEASE_S = 3600.0
 """A process that is frozen (stopped, swapped out, its machine asleep) keeps its connections for so long, and flies on
 when it thaws; Zenoh's 10 s would cut it off for good. Longer than SILENCE_S: the run decides when it is given up."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import csv
 import difflib
-import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from channel.config import RadioConfig
@@ -19,7 +17,7 @@ from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, 
 from channel.propagation.terrain import Terrain
 from channel.schedule_file import KEY as SCHEDULE_KEY
 from channel.schedule_file import read_schedule
-from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
+from sitl_configs.yaml_text import YamlMistake, read_yaml, ships, yaml_of
 
 __all__ = [
     "PresetError",
@@ -33,7 +31,6 @@ __all__ = [
     "radio_to_yaml",
     "radio_tree",
     "seen_from",
-    "yaml_value",
 ]
 
 
@@ -114,7 +111,7 @@ def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: f
 def radio_to_yaml(config: RadioConfig) -> str:
     """Return the YAML text that `load_radio` reads back as the same radio."""
     tree = config.model_dump(mode="json", by_alias=True)
-    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+    return yaml_of(tree)
 
 
 def merged(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> Tree:
@@ -150,9 +147,9 @@ def overrides_from_settings(settings: Iterable[str]) -> Tree:
         if not equals or not all(key.split(".")):
             raise PresetError(f"{setting!r} is not KEY=VALUE, as in propagation.exponent=2.5")
         try:
-            value = yaml_value(text)
-        except yaml.YAMLError as error:
-            raise PresetError(f"{text!r} is not a YAML value", key=key) from error
+            value = read_yaml(text)
+        except YamlMistake as error:
+            raise PresetError(str(error), key=key) from error
         _put(out, key.split("."), value)
     return out
 
@@ -164,28 +161,6 @@ def dotted_keys(tree: Mapping[str, Any], prefix: str = "") -> list[str]:
         name = f"{prefix}{key}"
         out += dotted_keys(value, f"{name}.") if isinstance(value, Mapping) and value else [name]
     return out
-
-
-class _ValueLoader(yaml.SafeLoader):
-    """Takes 1e3, 2.4e9 and -inf for numbers: YAML 1.1 wants dots and signs there, and gives texts otherwise."""
-
-
-_ValueLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^(?:[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+|[-+](?:inf|nan))$"),
-    list("-+.0123456789"),
-)
-
-
-def yaml_value(text: str) -> Any:
-    """Return the value that a text of a command line is; what it has in quotes stays text.
-
-    Raises:
-        yaml.YAMLError: it is not YAML.
-        ValueError: it is something that is none, as a date of the 45th.
-        RecursionError: it is nested too deeply.
-    """
-    return yaml.load(text, Loader=_ValueLoader)
 
 
 def _put(tree: Tree, keys: list[str], value: object) -> None:

@@ -34,7 +34,7 @@ from bridge.run.directory import LOG_FOLDER, SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
 from bridge.scenario.resolve.named_files import named_code
-from bridge.timeouts import FAILURE_GRACE_S, SILENCE_S
+from bridge.timeouts import FAILURE_GRACE_S, LOOK_PERIOD_S, SILENCE_S
 
 T = TypeVar("T")
 ARRANGEMENTS: dict[How, type[Arrangement]] = {"many": ManyProcesses, "one": OneProcess, "task": OneTask}
@@ -218,15 +218,18 @@ class Fleet:
             task.cancel()
 
     async def _watch_clock(self) -> Ending:
-        """Wait for the end of the run; give it up when time stands still."""
-        loop = asyncio.get_running_loop()
-        self._last_tick = loop.time()
+        """Wait for the end of the run; give it up when time stands still.
+
+        Only time in which we look counts: while we are stopped (Ctrl-Z), ticks wait to be read.
+        """
         patience_s, sizes = patience_of(self._scenario), LogSizes(self._run.path / LOG_FOLDER)
+        silence_s = 0.0
         while True:
-            await asyncio.sleep(1.0)
+            before = self._last_tick
+            await asyncio.sleep(LOOK_PERIOD_S)
             for text in sizes.told():
                 self._observer.on_warning(text)
-            silence_s = loop.time() - self._last_tick
+            silence_s = silence_s + LOOK_PERIOD_S if self._last_tick == before else 0.0
             if silence_s > patience_s:
                 at_s = self.course.sim_time_ns / 1e9
                 raise FleetError(

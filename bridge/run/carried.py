@@ -14,9 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from bridge.scenario.document.files import YAML
+from sitl_configs.yaml_text import yaml_of
 
 RADIO_FOLDER: Final = "radios"
 CODE: Final = ".py:"
@@ -118,7 +117,7 @@ class _Carried:
             self._code[file] = {key: part for key, part in tree.items() if _has_code(part)}
             whole = {key: part for key, part in tree.items() if key not in self._code[file]}
             if file != self._folder / name:
-                text = yaml.safe_dump(self._with_maps(whole), sort_keys=False, allow_unicode=True)
+                text = yaml_of(self._with_maps(whole))
                 (self._folder / name).write_text(text, encoding="utf-8")
         return self._names[file]
 

@@ -14,8 +14,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials, Keyring
 from bridge.bus.keys import Keys
@@ -24,6 +22,7 @@ from bridge.run.json_object import read_object
 from bridge.scenario.document.files import Find, files_placed
 from bridge.scenario.model import Scenario
 from bridge.scenario.recorded import read_recorded
+from sitl_configs.yaml_text import yaml_of
 
 RUN_FILE = "run.json"
 SCENARIO_FILE = "scenario.yaml"
@@ -141,7 +140,7 @@ class RunDirectory:
         repeated, secrets = str(replay.resolve()) if replay else "", str(keyring.path) if keyring else ""
         content, radios = with_radios_carried(scenario.model_dump(mode="json", by_alias=True), self.path)
         info = RunInfo(self.path.name, endpoint, os.getpid(), repeated, groups, secrets, radios)
-        (self.path / SCENARIO_FILE).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        (self.path / SCENARIO_FILE).write_text(yaml_of(content), encoding="utf-8")
         (self.path / RUN_FILE).write_text(json.dumps(asdict(info)) + "\n", encoding="utf-8")
         return info
 

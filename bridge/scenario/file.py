@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ def read_scenario(name_or_path: str | Path, overrides: Overrides = (), find: Fin
     Raises:
         ScenarioError: if it cannot be found, is not YAML or does not validate.
     """
-    return _scenario_of(read_file(str(name_or_path)), overrides, find)
+    with _files_readable(str(name_or_path)):
+        return _scenario_of(read_file(str(name_or_path)), overrides, find)
 
 
 def parse_scenario(text: str, source_name: str, folder: Path = Path(), overrides: Overrides = ()) -> Scenario:
@@ -53,7 +55,8 @@ def parse_scenario(text: str, source_name: str, folder: Path = Path(), overrides
     Raises:
         ScenarioError: with one line per mistake.
     """
-    return _scenario_of(read_text(text, source_name, folder.absolute()), overrides)
+    with _files_readable(source_name):
+        return _scenario_of(read_text(text, source_name, folder.absolute()), overrides)
 
 
 def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
@@ -67,6 +70,15 @@ def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
     root = with_settings(root, settings_of(changes))
     refuse_no_texts(root)
     return _validated(root)
+
+
+@contextmanager
+def _files_readable(source: str) -> Iterator[None]:
+    """A file in a folder that is another user's, or whose name is longer than names can be, is a mistake, too."""
+    try:
+        yield
+    except OSError as error:
+        raise ScenarioError(f"{source}: cannot be read: {error}") from error
 
 
 def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scenario:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import (
     BeforeValidator,
     ConfigDict,
@@ -41,7 +40,7 @@ from fdm.clock.status import SPEED_RANGE
 from fdm.exchange.aircraft_spec import px4_port
 from fdm.wire.legacy import legacy_ports
 from sitl_configs.settings import refused
-from sitl_configs.yaml_text import read_yaml
+from sitl_configs.yaml_text import read_yaml, yaml_of
 
 SCHEMA = 1
 MAX = "max"
@@ -446,7 +445,7 @@ class Scenario(Part):
 
     def to_yaml(self) -> str:
         """The scenario as resolved."""
-        return yaml.safe_dump(self.model_dump(mode="json", by_alias=True), sort_keys=False)
+        return yaml_of(self.model_dump(mode="json", by_alias=True))
 
     @classmethod
     def from_yaml(cls, text: str, placed: Callable[[Any], Any] = lambda content: content) -> Self:

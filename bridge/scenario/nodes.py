@@ -23,6 +23,8 @@ from sitl_configs.settings import refused
 
 AutopilotName = Literal["standin", "ardupilot", "px4", "external"]
 """Who flies a UA."""
+Word = Annotated[Slug, WithJsonSchema({"type": ["string", "integer"]})]
+"""An id that may be written as a number, too."""
 GROUND_HEIGHT_M = 2.0
 MAIN = "main"
 """The radio network that all nodes are on (`bridge.bus.keys.MAIN`)."""
@@ -150,7 +152,7 @@ class GroundNode(Part):
     """A station without an aircraft: it stands at ``place`` (the origin if there is none), or moves along ``track``."""
 
     kind: Literal["ground"]
-    id: Annotated[Slug, WithJsonSchema({"type": ["string", "integer"]})]
+    id: Word
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     radio: RadioSetting | None = None
@@ -191,7 +193,7 @@ class EmitterNode(Emission):
     """A station that radiates and exchanges no packets; it stands or moves as a ground node does, and has no agent."""
 
     kind: Literal["emitter"]
-    id: Slug
+    id: Word
     place: GroundPlace | None = None
     track: tuple[TrackPoint, ...] = ()
     antenna: dict[str, Any] = Field(default_factory=lambda: {"model": "isotropic"})

@@ -10,8 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import at_own_or_free_ports, at_own_ports
@@ -25,6 +23,7 @@ from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
 from lostlink.reading.run import Run, load_run
+from sitl_configs.yaml_text import yaml_of
 
 Autopilot = AutopilotName
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
@@ -139,7 +138,7 @@ def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
     if isinstance(scenario, Scenario):
         return with_changes(scenario, overrides)
     if isinstance(scenario, Mapping):
-        text = yaml.safe_dump(dict(scenario), sort_keys=False)
+        text = yaml_of(dict(scenario))
         return parse_scenario(text, "scenario", Path.cwd(), overrides)
     return read_scenario(scenario, overrides)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
+from sitl_configs.yaml_text import YamlMistake, read_yaml, ships, yaml_of
 
 BOMB = "\n".join(
     ["a0: &a0 [1, 2]", *(f"a{n + 1}: &a{n + 1} [{', '.join([f'*a{n}'] * 10)}]" for n in range(8))]
@@ -62,3 +63,33 @@ def test_what_ships_is_read_as_what_does_not(tmp_path: Path) -> None:
 def test_aliases_and_merges_stay(tmp_path: Path) -> None:
     text = "base: &base {a: 1, b: 2}\nmine: {<<: *base, b: 3}\nagain: *base\n"
     assert read_yaml(text) == {"base": {"a": 1, "b": 2}, "mine": {"a": 1, "b": 3}, "again": {"a": 1, "b": 2}}
+
+
+@pytest.mark.parametrize("text", ["1e3", "2.4e9", "-1E-3", "-inf"])
+def test_what_looks_like_a_number_is_one(text: str) -> None:
+    assert read_yaml(f"{{a: {text}, b: '{text}'}}") == {"a": float(text), "b": text}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("010", "010 is 8 in YAML, where it is octal: write a decimal number, or '010' in quotes for a text"),
+        ("-017", "-017 is -15 in YAML, where it is octal"),
+        ("12:30", "12:30 is 750 in YAML, where it counts in sixties"),
+        ("1:30.5", "1:30.5 is 90.5 in YAML, where it counts in sixties"),
+    ],
+)
+def test_numbers_that_are_others_than_they_look_are_refused(text: str, says: str) -> None:
+    with pytest.raises(YamlMistake, match=re.escape(says)) as raised:
+        read_yaml(f"a: 1\nb: {text}\n")
+    assert raised.value.line == 2
+    assert read_yaml(f"[0, 0.5, 0x10, '{text}']") == [0, 0.5, 16, text]
+
+
+@pytest.mark.parametrize("is_ours", [False, True])
+def test_values_come_back_as_they_were_written(is_ours: bool) -> None:
+    tree = {
+        "a": ["1e3", "2.4E9", "010", "12:30", "-inf", "on", "ü"],
+        "b": [1e3, 1e22, 1e-7, float("inf"), 8, True],
+    }
+    assert read_yaml(yaml_of(tree), is_ours=is_ours) == tree

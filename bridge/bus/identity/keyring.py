@@ -51,16 +51,23 @@ class Keyring:
         """Make passwords for all ``identities``, at ``path`` if that can be kept from others.
 
         Raises:
-            OSError: if it cannot be made.
+            OSError: if it cannot be made; nothing of it is left then.
         """
         keyring = cls(_private_directory(path))
+        try:
+            keyring._fill(identities)
+        except BaseException:
+            keyring.remove()
+            raise
+        return keyring
+
+    def _fill(self, identities: Sequence[Identity]) -> None:
         users = [_new(identity) for identity in identities]
         for user in users:
-            keyring._write(f"{user.user}.json", json.dumps({"user": user.user, "password": user.password}))
-        keyring._write(DICTIONARY, "".join(f"{user.user}:{user.password}\n" for user in users))
+            self._write(f"{user.user}.json", json.dumps({"user": user.user, "password": user.password}))
+        self._write(DICTIONARY, "".join(f"{user.user}:{user.password}\n" for user in users))
         roster = [{"name": i.name, "role": i.role.name, "nodes": i.nodes} for i in identities]
-        keyring._write(ROSTER, json.dumps(roster))
-        return keyring
+        self._write(ROSTER, json.dumps(roster))
 
     @property
     def dictionary(self) -> Path:

@@ -18,6 +18,8 @@ from typing import Any, BinaryIO, Protocol
 from bridge.fleet.children.environment import environment_of
 
 LEASH = Path(__file__).with_name("leash.py")
+TAIL_BYTES = 1 << 14
+"""So much of a log is looked at for its last lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +157,13 @@ class Child:
         self._process.kill()
 
     def log_tail(self, lines: int = 5) -> str:
-        """The last lines of its log."""
-        text = self.spec.log_path.read_text(encoding="utf-8", errors="replace")
+        """The last lines of its log, which may be of any size; "" if somebody has removed it."""
+        try:
+            with self.spec.log_path.open("rb") as log:
+                log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL_BYTES))
+                text = log.read().decode(errors="replace")
+        except OSError:
+            return ""
         return "\n".join(text.rstrip().splitlines()[-lines:])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
+from bridge.scenario.document.files import file_seen_from
 from bridge.scenario.document.merge import merged, same_id
 from bridge.scenario.document.written import Written, plain
 from bridge.scenario.document.yaml_text import read_yaml
@@ -67,7 +68,7 @@ def _base(extends: Written, reading: tuple[Path, ...]) -> Written:
         raise ScenarioError(
             f"{place}: {EXTENDS}: has to be the name of a scenario that ships, or a file (got {plain(extends)!r})"
         )
-    path, source = place.folder / Path(name).expanduser(), str(Path(place.source).parent / name)
+    path, source = file_seen_from(place.folder, name), str(Path(place.source).parent / name)
     if not (path.suffix in SUFFIXES and path.is_file()):
         if name not in scenario_names():
             raise ScenarioError(f"{place}: {EXTENDS}: {_unknown(name, path)}")

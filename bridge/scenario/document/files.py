@@ -60,8 +60,13 @@ def _in_a_preset(key: str) -> Callable[[str, Path], str] | None:
     return _any_file if key == "file" or key.endswith("_file") else None
 
 
+def file_seen_from(folder: Path, name: str) -> Path:
+    """The file of a name as seen from a folder; ``~/`` is the user's own."""
+    return folder / (Path(name).expanduser() if name.startswith("~/") else name)
+
+
 def _any_file(name: str, folder: Path) -> str:
-    return str(folder / Path(name).expanduser())
+    return str(file_seen_from(folder, name))
 
 
 def _yaml_file(name: str, folder: Path) -> str:

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from bridge.scenario.document.merge import as_preset, names_a_preset, removes, same_id
 from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
-from channel.presets import yaml_value
+from sitl_configs.yaml_text import YamlMistake, read_yaml
 
 ALL_NODES = "*"
 
@@ -67,9 +65,9 @@ def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Se
     if not equals or not all(key.split(".")):
         raise ScenarioError(f"{told_as}: has to be KEY=VALUE, as in radio.noise.noise_figure_db=6")
     try:
-        plain = yaml_value(value)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ScenarioError(f"{told_as}: {key}: {value!r} is not a YAML value") from error
+        plain = read_yaml(value)
+    except YamlMistake as error:
+        raise ScenarioError(f"{told_as}: {key}: {error}") from error
     return Setting(key, plain, told_as, folder)
 
 

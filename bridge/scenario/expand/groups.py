@@ -20,7 +20,7 @@ from bridge.scenario.mistakes.near import near_miss
 COUNT, EACH = "count", "each"
 COUNT_MAX = 1000
 AXES = ("north_m", "east_m", "height_m", "heading_deg")
-PLACES = {"ua": "home", "ground": "place"}
+PLACES = {"ua": "home", "ground": "place", "emitter": "place"}
 """What is placed, by kind of node."""
 
 

@@ -12,6 +12,8 @@ from bridge.scenario.document.written import Path_, Written, WrittenPlace
 from bridge.scenario.mistakes.keys import ErrorSpot, allowed_keys, fields_of, models_in, spot_of, tags_of
 from bridge.scenario.mistakes.near import meant, near_miss
 
+EXTRA = "extra_forbidden"
+"""What pydantic calls a key that is not there."""
 WORDS = {
     r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "letters, digits, '_', '.' and '-', the first a letter or digit",
     r"^.+:[^\s:]+$": "FILE.py:NAME or package.module:NAME",
@@ -58,11 +60,14 @@ def explained(
     told: set[tuple[str, Path_, str]] = set()
     texts: dict[Path_, list[str]] = {}
     places: dict[Path_, str] = {}
-    items = [(item, spot_of(model, item["loc"])) for item in error.errors(include_url=False)]
+    items = [
+        (item, spot_of(model, item["loc"], is_extra=item["type"] == EXTRA))
+        for item in error.errors(include_url=False)
+    ]
     misspelt = {
         (*spot.path[:-1], meant(str(spot.path[-1]), allowed_keys(spot.parents)))
         for item, spot in items
-        if item["type"] == "extra_forbidden"
+        if item["type"] == EXTRA
     }
     for item, spot in items:
         if item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]:
@@ -104,7 +109,7 @@ def _place(root: Written, path: Path_, item: Any) -> WrittenPlace:
 
 def _problem(item: Any, spot: ErrorSpot) -> str:
     kind, value = item["type"], item["input"]
-    if kind == "extra_forbidden":
+    if kind == EXTRA:
         return _unknown_key(str(spot.path[-1]), spot)
     if kind == "missing" and isinstance(spot.path[-1], int):
         return "is missing: the list has to have more values"

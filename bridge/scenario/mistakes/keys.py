@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
@@ -24,15 +24,21 @@ class ErrorSpot(NamedTuple):
     parents: Models
 
 
-def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> ErrorSpot:
+def spot_of(root: type[BaseModel], loc: Sequence[str | int], *, is_extra: bool = False) -> ErrorSpot:
     """The spot of a validation error of ``root``.
 
     Pydantic puts the branch that it chose of a union into its path, which is no key of the file: it narrows the models.
+
+    Args:
+        root: what was validated.
+        loc: pydantic's path.
+        is_extra: its last step is a key that no model has, whatever that is called.
     """
     path: list[str | int] = []
     here: Models = (root,)
     parents: Models = here
-    for step in loc:
+    for number, step in enumerate(loc, start=1):
+        is_key = is_extra and number == len(loc)
         inner = _inner(here, step)
         if len(here) > 1 and (branch := _branch(here, step)) is not None:
             here = parents = branch  # also if one of them has a key of that name
@@ -43,7 +49,7 @@ def spot_of(root: type[BaseModel], loc: Iterable[str | int]) -> ErrorSpot:
             parents, here = here, inner
         elif here and (narrowed := _branch(here, step)) is not None:
             here = parents = narrowed
-        elif here and not _is_branch(step):
+        elif here and (is_key or not _is_branch(step)):
             path.append(step)
             parents, here = here, ()
         elif not here and step != "[key]" and not _is_branch(step):

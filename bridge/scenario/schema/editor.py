@@ -40,6 +40,12 @@ NODES = {"ground": "GroundNode", "emitter": "EmitterNode"}
 """By kind; without one it is an aircraft."""
 PLACE_OF = {"home": "HomePlace", "place": "GroundPlace"}
 TAGS = ("type", "kind", "model")
+ONE_EACH: Schema = {
+    "type": "object",
+    "required": [EACH],
+    "properties": {EACH: {"type": "array", "minItems": 1}},
+    "additionalProperties": False,
+}
 LEAVES = ("string", "number", "integer", "boolean")
 
 
@@ -71,11 +77,11 @@ def editor_schema() -> Schema:
         "additionalProperties": False,
         "properties": _extending() | {key: {} for key in properties},
         "if": {"required": [EXTENDS]},
-        "then": {"properties": {**part_of_scenario, **lists, "nodes": _nodes(PART, PART)}},
+        "then": {"properties": {**part_of_scenario, **lists, "nodes": _nodes_laid_over()}},
         "else": {
             "required": scenario["required"],
             "not": {"required": [WITHOUT]},
-            "properties": {**properties, "nodes": {**_nodes("", PART), "minItems": 1}},
+            "properties": {**properties, "nodes": {**_nodes(), "minItems": 1}},
         },
         "definitions": definitions | parts | patterns | presets | {BY_INDEX: _by_index()},
     }
@@ -143,14 +149,25 @@ def _or_by_index(schema: Schema) -> Schema:
 
 
 def _by_index() -> Schema:
-    each = {"type": "object", "required": [EACH], "properties": {EACH: {"type": "array"}}}
-    return {"anyOf": [{"type": "string", "pattern": r"\{.*\}"}, each]}
+    return {"anyOf": [{"type": "string", "pattern": r"\{.*\}"}, ONE_EACH]}
+
+
+def _or_one_each(schema: Schema) -> Schema:
+    """A schema of a list or mapping that takes a list of such as well, one for each node."""
+    if reference(BY_INDEX) in schema.get("anyOf", []):
+        return schema
+    words = {"description": schema["description"]} if "description" in schema else {}
+    return {"if": {"type": "object", "required": [EACH]}, "then": ONE_EACH, "else": schema, **words}
 
 
 def _with_groups(parts: dict[str, Schema]) -> None:
     """Let parts of nodes be groups, with a count and a pattern."""
     for name in ("Aircraft", *NODES.values()):
+        properties = parts[PART + name]["properties"]
         parts[PART + name]["required"] = ["id"]
+        properties.update(
+            {key: _or_one_each(part) for key, part in properties.items() if key not in {"id", *TAGS}}
+        )
         parts[PART + name]["properties"][COUNT] = {
             "type": ["integer", "null"],
             "minimum": 0,
@@ -164,17 +181,30 @@ def _with_groups(parts: dict[str, Schema]) -> None:
             parts[PART + PLACE_OF[place]]["properties"][key] = part
 
 
-def _nodes(of_one: str, of_group: str) -> Schema:
+def _nodes() -> Schema:
     """A list of nodes, or groups of them."""
+    one, group = (_by_kind(prefix, reference(f"{prefix}Aircraft")) for prefix in ("", PART))
+    return _list_of_nodes({"if": {"required": [COUNT]}, "then": group, "else": one})
 
-    def kinds(prefix: str) -> Schema:
-        schema = reference(f"{prefix}Aircraft")
-        for kind, name in NODES.items():
-            is_one = {"properties": {"kind": {"const": kind}}, "required": ["kind"]}
-            schema = {"if": is_one, "then": reference(prefix + name), "else": schema}
-        return schema
 
-    item = {"if": {"required": [COUNT]}, "then": kinds(of_group), "else": kinds(of_one)}
+def _nodes_laid_over() -> Schema:
+    """A list of parts of nodes, or of groups: one without a kind has that of the node below."""
+    aircraft, *others = (reference(PART + name) for name in ("Aircraft", *NODES.values()))
+    is_word = {"properties": {"id": {"type": "string"}}, "required": ["id"]}
+    unsaid = {"if": is_word, "then": {"anyOf": [aircraft, *others]}, "else": aircraft}
+    return _list_of_nodes(_by_kind(PART, unsaid))
+
+
+def _by_kind(prefix: str, unsaid: Schema) -> Schema:
+    """A node of the kind that it says, ``unsaid`` if it says none."""
+    schema = unsaid
+    for kind, name in NODES.items():
+        is_one = {"properties": {"kind": {"const": kind}}, "required": ["kind"]}
+        schema = {"if": is_one, "then": reference(prefix + name), "else": schema}
+    return schema
+
+
+def _list_of_nodes(item: Schema) -> Schema:
     return {
         "type": "array",
         "items": item,

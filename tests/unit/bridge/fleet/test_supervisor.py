@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import math
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from bridge.bus.messages import Clock, Header
-from bridge.fleet import many
+from bridge.fleet import many, supervisor
 from bridge.fleet.children.child import ProcessSpec
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.many import ManyProcesses
@@ -98,3 +99,49 @@ async def test_a_process_that_died_is_an_event_and_a_reason(
     assert (event.sim_time_ns, event.node, event.kind) == (12_500_000_000, "", "died")
     assert event.text == "host-0 ended with status 3; its log is logs/host-0.log"
     assert reports.may_not_repeat == ("host-0 ended with status 3 at 12.50 s, before the run ended",)
+
+
+class WithoutLog(Fleet):
+    """A fleet of one process that dies when its log has been removed."""
+
+    async def _fly(self) -> Ending:
+        self._write_run()
+        self._parts = ManyProcesses(self._run, self._crew, self, self._observer.on_phase)
+        command = [sys.executable, "-c", "import time; time.sleep(60)"]
+        log = self._run.log_path("host-0")
+        child = self._crew.start(ProcessSpec("host-0", command, log))
+        log.unlink()
+        child.kill()
+        return await asyncio.wait_for(self._outcome, 10.0)
+
+
+async def test_a_process_that_dies_ends_the_run_also_when_its_log_has_been_removed(run: RunDirectory) -> None:
+    with pytest.raises(FleetError, match=r"^host-0 was ended by SIGKILL; its log is .*host-0\.log$"):
+        await WithoutLog(read_scenario("separation"), run, OBSERVER, how="many").fly()
+
+
+class OnlyWatched(Fleet):
+    """A fleet without processes, whose clock is watched."""
+
+    async def _fly(self) -> Ending:
+        self._write_run()
+        return await self._watch_clock()
+
+
+async def test_a_run_is_not_given_up_for_the_time_in_which_its_command_was_stopped(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel tells a process that was stopped of its timers first, then of what waits in its sockets."""
+    monkeypatch.setattr(supervisor, "patience_of", lambda _: 0.5)
+    monkeypatch.setattr(supervisor, "LOOK_PERIOD_S", 0.05)
+    fleet = OnlyWatched(read_scenario("separation"), run, OBSERVER, how="many")
+    flight = asyncio.create_task(fleet.fly())
+    await asyncio.sleep(0.1)
+    time.sleep(1.0)  # noqa: ASYNC251 - as if stopped
+    await asyncio.sleep(0.06)  # until it has looked
+    assert not flight.done()
+    fleet.clock(Clock(Header.at(1_000_000_000, "")))
+    before = time.monotonic()
+    with pytest.raises(FleetError, match=r"sim time has stood at 1\.00 s for "):
+        await flight
+    assert time.monotonic() - before > 0.5

@@ -131,6 +131,9 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         ("seed: 1", "wind: {constant: {speed_mps: true}}", "wind.constant.speed_mps", "a number (got true)"),
         ("seed: 1", "fdm: {px4: {gps_vertical_sigma_m: true}}", "fdm.px4.gps_vertical_sigma_m", "(got true)"),
         ("seed: 1", "seed: true", "seed", "has to be a whole number (got true)"),
+        ("seed: 1", "se[d: 1", "se[d", "unknown key; did you mean seed?"),
+        ("seed: 1", "int: 1", "int", "unknown key; allowed here: schema, "),
+        ("north_m: 5", "'nor[h_m': 5", "nodes.1.home.nor[h_m", "unknown key; did you mean north_m?"),
     ],
 )
 def test_mistake_is_named_with_line_and_key(old: str, new: str, key: str, says: str) -> None:
@@ -310,3 +313,26 @@ def test_a_table_is_looked_for_beside_the_scenario_and_kept_in_it(elsewhere: Pat
         ScenarioError, match=r"mission.yaml:16: radio.error.table_file: cannot read .*loss.csv"
     ):
         read_scenario(path)
+
+
+LONG = "a" * 400 + ".yaml"
+"""More than a name of a file can be: looking for it is an error, as in a folder that is another user's."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("radio: hata-qpsk", f"radio: {LONG}"),
+        ("radio: hata-qpsk", "radio: ~nobody-is-called-so/a.yaml"),
+        ("radio: hata-qpsk", f"radio: hata-qpsk\nwind: {LONG}"),
+        ("airframe: f450", f"airframe: {LONG}"),
+        ("schema: 1", f"schema: 1\nextends: {LONG}"),
+        ("schema: 1", "schema: 1\nextends: ~nobody-is-called-so/a.yaml"),
+    ],
+)
+def test_files_that_cannot_be_looked_for_are_told_by_name(old: str, new: str) -> None:
+    assert old in TEXT
+    with pytest.raises(ScenarioError, match=r"^mine\.yaml:.*(a\.yaml|name too long)"):
+        parse_scenario(TEXT.replace(old, new), "mine.yaml")
+    with pytest.raises(ScenarioError, match=LONG):
+        read_scenario(LONG)

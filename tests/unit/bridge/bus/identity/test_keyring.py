@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -52,6 +53,23 @@ def test_it_is_forgotten_once_or_twice(tmp_path: Path) -> None:
     keyring.remove()
     assert not keyring.path.exists()
     keyring.remove()
+
+
+@pytest.mark.parametrize("name", ["host-0.json", "passwords", "roster.json"])
+def test_one_that_cannot_be_written_leaves_nothing(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.open
+
+    def full(path: str | Path, *rest: int, **more: int | None) -> int:
+        if Path(path).name == name:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return real(path, *rest, **more)
+
+    monkeypatch.setattr(os, "open", full)
+    with pytest.raises(OSError, match="No space left on device"):
+        Keyring.create(tmp_path / "secrets", IDENTITIES)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_files_of_somebody_else_are_told(tmp_path: Path) -> None:

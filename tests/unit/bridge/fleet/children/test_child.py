@@ -137,3 +137,13 @@ async def test_the_exit_status_is_the_childs_however_often_it_is_asked_to_end(tm
             await asyncio.sleep(0.0)
         ends.append(child.how_it_ended)
     assert ends == ["ended with status 7"] * 40
+
+
+async def test_the_end_of_a_log_of_any_size_is_told(tmp_path: Path) -> None:
+    log, end = tmp_path / "talks.log", "the last\nwords"
+    talk = f"import os; os.truncate(1, 1 << 40); os.lseek(1, 0, 2); print({end!r})"
+    child = Child(ProcessSpec("talks", [sys.executable, "-c", talk], log))
+    await child.ended
+    assert log.stat().st_size == (1 << 40) + len(end) + 1
+    assert child.log_tail(1) == "words"
+    assert child.log_tail().endswith(end)

@@ -131,7 +131,8 @@ def test_values_are_yaml_and_take_the_place_of_what_was_there() -> None:
         ("seed", "--set seed: has to be KEY=VALUE"),
         ("=3", "--set =3: has to be KEY=VALUE"),
         ("a..b=3", "has to be KEY=VALUE"),
-        ("seed=[", "--set seed=[: seed: '[' is not a YAML value"),
+        ("seed=[", "--set seed=[: seed: is not YAML: "),
+        ("seed=010", "--set seed=010: seed: 010 is 8 in YAML, where it is octal: "),
     ],
 )
 def test_mistakes_are_told_under_the_option(setting: str, says: str) -> None:

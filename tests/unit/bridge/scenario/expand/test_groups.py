@@ -201,3 +201,10 @@ def test_the_second_of_two_equal_ids_is_named() -> None:
         ScenarioError, match=r"many.yaml:9: nodes.6.id: id 3 is used more than once, first at many.yaml:8"
     ):
         fleet(GROUP % "line: {spacing_m: 3}" + "  - {id: 3, agent: {type: still}}\n")
+
+
+def test_emitters_stand_in_patterns() -> None:
+    emitter = "{id: 'e-{i}', kind: emitter, count: 2, frequency_hz: 2.4e9, power_dbm: 20, place: {%s}}"
+    it = fleet(GROUP % "" + "  - " + emitter % "line: {spacing_m: 50}, north_m: 7" + "\n")
+    places = [node.place for node in it.emitters]
+    assert [(p.north_m, p.east_m, p.height_m) for p in places if p] == [(7, 0, 2), (7, 50, 2)]

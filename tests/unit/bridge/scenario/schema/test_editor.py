@@ -11,8 +11,10 @@ import yaml
 from click.testing import CliRunner
 from jsonschema import Draft7Validator
 
+from bridge.scenario.file import parse_scenario
 from bridge.scenario.schema.editor import FILE_NAME
 from lostlink.cli.flying.schema import schema as schema_command
+from sitl_configs.yaml_text import yaml_of
 
 ROOT = Path(__file__).parents[5] / "sitl_configs"
 SHIPPED = json.loads((ROOT / FILE_NAME).read_text(encoding="utf-8"))
@@ -83,11 +85,25 @@ def test_what_ships_is_right_and_names_the_schema(file: Path) -> None:
                 }
             ]
         },
+        {"nodes": [STILL, {"id": 7, "kind": "emitter", "frequency_hz": 2.4e9, "power_dbm": 20}]},
+        *(
+            {"nodes": [{**STILL, "count": 2, key: {"each": values}}]}
+            for key, values in {
+                "agent": [{"type": "still"}, {"type": "hold", "altitude_m": 40}],
+                "home": [{"north_m": 0}, {"north_m": 9}],
+                "networks": [["main"], None],
+                "groups": [["a"], ["a", "b"]],
+                "radio_off": [[], [{"from_s": 3}]],
+                "sensor": [{}, None],
+            }.items()
+        ),
         {"expectations": [{"type": "age", "node": 0, "at_most_s": 3}, {"type": "host_losses"}]},
     ],
 )
 def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
     assert mistakes(HEAD | {"nodes": [STILL]} | change) == []
+    if "mine.yaml" not in str(change) and "a.py" not in str(change) and "loss.csv" not in str(change):
+        parse_scenario(yaml_of(HEAD | {"nodes": [STILL]} | change), "mine")
 
 
 @pytest.mark.parametrize(
@@ -95,6 +111,11 @@ def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
     [
         {"extends": "separation"},
         {"extends": "base.yaml", "without": [1], "nodes": [{"id": 0, "agent": {"altitude_m": 9}}]},
+        {
+            "extends": "base.yaml",
+            "nodes": [{"id": "gcs", "place": {"north_m": 3}}, {"id": "jam", "duty": 0.5}],
+        },
+        {"extends": "base.yaml", "nodes": [{"id": "{i + 4}", "count": 2, "airframe": "f450"}]},
         {"extends": "base.yaml", "nodes": [{"id": 0, "count": 9}], "origin": {"lat_deg": 3}},
         {
             "extends": "base.yaml",
@@ -120,6 +141,12 @@ def test_parts_may_be_laid_over_another(content: dict[str, Any]) -> None:
         ({"nodes": [{**STILL, "hme": {}}]}, "'hme' was unexpected"),
         ({"nodes": [{**STILL, "agent": {"type": "hold"}}]}, "is not valid under any of the given schemas"),
         ({"nodes": [{**STILL, "count": 2, "home": {"rnig": {}}}]}, "'rnig' was unexpected"),
+        ({"nodes": [{**STILL, "count": 2, "home": {"each": []}}]}, "[] should be non-empty"),
+        (
+            {"nodes": [{**STILL, "count": 2, "home": {"each": [{}], "north_m": 3}}]},
+            "'north_m' was unexpected",
+        ),
+        ({"nodes": [{**STILL, "home": {"each": [{}]}}]}, "'each' was unexpected"),
         ({"radio": {"preset": "moon2020", "nose": {}}}, "is not valid under any of the given schemas"),
         ({"wind": {"constant": {"speed": 3}}}, "is not valid under any of the given schemas"),
         ({"without": [1]}, "should not be valid under"),
