@@ -107,9 +107,9 @@ def is_on_rails(words: dict[str, Any]) -> bool:
 
 @pytest.mark.slow
 def test_the_air_of_a_network_is_seen(browser: Browser, tmp_path: Path) -> None:
-    """Two nodes that send 20 packets of 90 bytes a second each over 64 kb/s: 28.8 kb/s, frames and silence beside."""
+    """Two nodes that send 20 packets of 98 bytes a second each over 64 kb/s: 31.4 kb/s, frames and silence beside."""
     nodes = ("0", "1")
-    run = flown(tmp_path / "made", scenario_of("telemetry-915", nodes), 200, everybody(nodes, 90))
+    run = flown(tmp_path / "made", scenario_of("telemetry-915", nodes), 200, everybody(nodes, 98))
     with serving(run) as view:
         seen = ViewPage(browser, view.address)
         page = seen.page

@@ -22,6 +22,7 @@ import yaml
 
 from lostlink import Run, ScenarioError, redecide
 from lostlink.compare.compare import compare
+from sitl_configs.yaml_text import read_yaml
 from tests import warm
 
 CLASS = f"{Path(__file__).with_name('air_agents.py')}:Scripted"
@@ -496,7 +497,7 @@ def test_slots_from_a_file_beside_the_scenario(slotted: Callable[..., Run]) -> N
     assert balances(run)
     kept = yaml.safe_load((run.path / "scenario.yaml").read_text())["radio"]["medium"]
     file = str(run.path.parents[1] / "slots.yaml")
-    assert kept["schedule"] == {"read_from": file} | yaml.safe_load(SLOTS_TEXT)
+    assert kept["schedule"] == {"read_from": file} | read_yaml(SLOTS_TEXT)
     digests = json.loads((run.path / "provenance.json").read_text())["files"]
     assert digests[file] == hashlib.sha256(Path(file).read_bytes()).hexdigest()
     [air] = json.loads((run.path / "summary.json").read_text())["air"]
