@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, *, is_shared: bool = False) -> Iterator[Path]:
     """Gives the file to write, which takes the place of ``path`` in the end; nothing is left of it if that fails.
+
+    Args:
+        path: of the whole file.
+        is_shared: other processes may write it at the same time.
 
     Raises:
         OSError: it cannot be put there.
     """
-    partial = path.with_name(path.name + ".partial")
+    own = f".{os.getpid()}" if is_shared else ""
+    partial = path.with_name(f"{path.name}{own}.partial")
     try:
         yield partial
         partial.replace(path)

@@ -38,6 +38,7 @@ from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.names import as_seen_from
 from bridge.run.directory import RunDirectory
+from bridge.run.whole_file import whole_file
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
@@ -140,9 +141,8 @@ def is_done(directory: Path, measures: str, labels: Collection[str]) -> bool:
 
 def write_whole(path: Path, content: object) -> None:
     """A JSON file that is there as a whole or not at all, whatever ends this process, and whoever else writes it."""
-    part = path.with_suffix(f".{os.getpid()}.part")
-    part.write_text(json.dumps(content), encoding="utf-8")
-    part.replace(path)
+    with whole_file(path, is_shared=True) as partial:
+        partial.write_text(json.dumps(content), encoding="utf-8")
 
 
 def forget(directory: Path, measures: str, labels: Collection[str]) -> None:

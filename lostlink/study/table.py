@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from bridge.run.whole_file import whole_file
 from lostlink.study.model import StudyError
 
 TABLE_FILE = "metrics.parquet"
@@ -39,9 +39,8 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             raise StudyError(
                 f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
             ) from error
-    part = path.with_suffix(f".{os.getpid()}.part")  # the same study may be flown twice at a time
-    pq.write_table(pa.table(columns), part, compression="zstd")
-    part.replace(path)
+    with whole_file(path, is_shared=True) as partial:  # the same study may be flown twice at a time
+        pq.write_table(pa.table(columns), partial, compression="zstd")
 
 
 def _before(path: Path) -> str:
