@@ -12,7 +12,7 @@ from bridge.record.tables.deliveries import TRANSPORT
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import sawtooth
-from lostlink.reading.places import places_at, places_of
+from lostlink.reading.places import distances_m, places_at, places_of
 from lostlink.reading.rows import DeliveryRows, link_rows
 
 DECIMALS_S = 9
@@ -36,20 +36,19 @@ class PacketFinder:
 
     @cached_property
     def _distance_m(self) -> NDArray[np.float64]:
-        """Of the ends of each row: as recorded or, of what never was on the air, when it was transmitted."""
+        """Of the ends of each row, as `distances_m` gives it."""
         columns = self._rows.columns
-        found: NDArray[np.float64] = columns["distance_m"].copy()
-        missing = np.flatnonzero(np.isnan(found) & (columns["fate"] != TRANSPORT))
-        if missing.size:
-            ticks_ns, tracks = places_of(self._run, self._stations)
-            at_ns = columns["sim_time_ns"][missing]
-            ends = np.empty((2, len(missing), 3))
-            for places, nodes in zip(ends, (columns["tx"][missing], columns["rx"][missing]), strict=True):
-                for number in np.unique(nodes).tolist():
-                    rows = nodes == number
-                    places[rows] = places_at(ticks_ns, tracks[self._nodes[number]], at_ns[rows])
-            found[missing] = np.linalg.norm(ends[0] - ends[1], axis=1)
-        return found
+        return distances_m(columns["distance_m"], columns["fate"] == TRANSPORT, self._ends)
+
+    def _ends(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where both ends of some rows were when these were transmitted."""
+        columns, (ticks_ns, tracks) = self._rows.columns, places_of(self._run, self._stations)
+        at_ns, ends = columns["sim_time_ns"][rows], np.empty((2, len(rows), 3))
+        for places, nodes in zip(ends, (columns["tx"][rows], columns["rx"][rows]), strict=True):
+            for number in np.unique(nodes).tolist():
+                mine = nodes == number
+                places[mine] = places_at(ticks_ns, tracks[self._nodes[number]], at_ns[mine])
+        return ends[0], ends[1]
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
         """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""

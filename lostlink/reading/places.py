@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -45,6 +45,26 @@ def places_at(ticks_ns: NDArray[np.int64], track: Floats, at_ns: NDArray[np.int6
     found = np.full((len(at_ns), 3), np.nan)
     tick = np.searchsorted(ticks_ns, at_ns, side="right") - 1
     found[tick >= 0] = track[tick[tick >= 0]]
+    return found
+
+
+def distances_m(
+    recorded_m: Floats,
+    is_of_host: NDArray[np.bool_],
+    places: Callable[[NDArray[np.intp]], tuple[Floats, Floats]],
+) -> Floats:
+    """How far apart the ends of packets were: as recorded or, of those that never were on the air, when they were sent.
+
+    Args:
+        recorded_m: NaN where a packet never was on the air, shape (n,).
+        is_of_host: which of them the host lost: of these nobody knows it.
+        places: gives where both ends of some packets, by their places here, were when these were sent.
+    """
+    found: Floats = recorded_m.copy()
+    missing = np.flatnonzero(np.isnan(found) & ~is_of_host)
+    if missing.size:
+        tx, rx = places(missing)
+        found[missing] = np.linalg.norm(tx - rx, axis=1)
     return found
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bridge.bus.keys import ALL
 from bridge.record.tables.deliveries import Cause
-from lostlink.reading.places import places_at
+from lostlink.reading.places import distances_m, places_at
 from lostlink.reading.run import Run
 
 NS_PER_S = 1e9
@@ -225,14 +225,14 @@ class RecordedLink:
         return {name: column[ours] for name, column in rows.items()}
 
     def _distance_m(self, rows: Columns) -> NDArray[np.float64]:
-        """Of this link's packets: as recorded or, of those that never were on the air, when they were sent."""
-        found: NDArray[np.float64] = rows["distance_m"].copy()
-        missing = np.isnan(found) & (rows["fate"] != Cause.TRANSPORT)
-        if missing.any():
+        """Of this link's packets, as `distances_m` gives it."""
+
+        def ends(missing: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             truth, at_ns = self._extent.columns(self._run, "truth", _TRACK), rows["sim_time_ns"][missing]
             tx, rx = (places_at(*_track_of(truth, node), at_ns) for node in (self.tx, self.rx))
-            found[missing] = np.linalg.norm(tx - rx, axis=1)
-        return found
+            return tx, rx
+
+        return distances_m(rows["distance_m"], np.asarray(rows["fate"] == Cause.TRANSPORT), ends)
 
     def delivery(
         self, *, from_s: float = 0.0, to_s: float = np.inf, min_m: float = 0.0, max_m: float = np.inf
