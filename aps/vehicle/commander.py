@@ -62,7 +62,6 @@ MOST_TEXTS: Final = 32
 """That are kept of them."""
 _TAKES_OVER: Final = frozenset({FLIGHT, ARMING})
 """What a newer command takes from the one before; of anything else that is occupied it is refused."""
-_HEARTBEAT: Final = 0
 _ARM: Final = frozenset({int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM), int(mavlink.MAV_CMD_MISSION_START)})
 """What may arm the UA; PX4 does with MISSION_START, too."""
 
@@ -297,7 +296,7 @@ class Commander:
     def _is_disarmed(self) -> bool:
         """Whether a heartbeat says so that is no older than what may have armed the UA since."""
         state = self._state()
-        heard_ns = state.heard_ns.get(_HEARTBEAT, -1)
+        heard_ns = state.heard_ns.get(mavlink.MAVLINK_MSG_ID_HEARTBEAT, -1)
         return state.connected and not state.armed and heard_ns >= self._arming_ns
 
     def _take_over(self, newer: Execution) -> None:

@@ -72,10 +72,8 @@ def download(link):
 
 def fly(link, last):
     """Arm, and follow the mission to its last item."""
-    if link.flightmode in (
-        "RTL",
-        "LAND",
-    ):  # a flight before this one ended so: a copter cannot be armed in these
+    if link.flightmode in ("RTL", "LAND"):
+        # a flight before this one ended so, and a copter cannot be armed in these
         ask(link, lambda: link.set_mode("GUIDED"), "HEARTBEAT", until=lambda _: link.flightmode == "GUIDED")
     ask(link, link.arducopter_arm, "HEARTBEAT", until=lambda _: link.motors_armed())
     say("armed in", link.flightmode)

@@ -170,12 +170,13 @@ def own_files(hosts: str) -> str:
         name_hosts(hosts)
     except OSError as error:
         return f"names of nodes do not work ({error.strerror}): use their addresses"
-    shown = {b"proc": "process ids", b"sysfs": "network interfaces"}
-    for (kind, what), place in zip(shown.items(), (b"/proc", b"/sys"), strict=True):
+    for kind, place, what in (("proc", "/proc", "process ids"), ("sysfs", "/sys", "network interfaces")):
         try:
-            _called("mount", kind, place, kind, MS_NOSUID | MS_NODEV | MS_NOEXEC, None)
+            _called(
+                "mount", kind.encode(), place.encode(), kind.encode(), MS_NOSUID | MS_NODEV | MS_NOEXEC, None
+            )
         except OSError as error:
-            return f"{place.decode()} has {what} of this machine, not those that the program sees ({error.strerror})"
+            return f"{place} has {what} of this machine, not those that the program sees ({error.strerror})"
     return ""
 
 

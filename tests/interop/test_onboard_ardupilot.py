@@ -18,15 +18,20 @@ from tests.interop.surveyor import AGENT, SCENARIO
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(400)]
 
 
+def flown(scenario: str, arducopter: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    """What the command says of a run with a real ArduCopter, as fast as it can, which is kept in ``out``."""
+    file = folder / "scenario.yaml"
+    file.write_text(scenario)
+    command = [*LOSTLINK, "run", str(file), "--out", str(folder / "out"), "--no-figure", "--speed", "max"]
+    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=380)
+
+
 def test_the_plan_of_a_real_arducopter(
     arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
     (tmp_path / "surveyor.py").write_text(AGENT)
-    scenario = tmp_path / "survey.yaml"
-    scenario.write_text(SCENARIO.format(speed="max", duration_s=65.0, slot=free_slot(2)))
-    command = [*LOSTLINK, "run", str(scenario), "--out", str(tmp_path / "out"), "--no-figure"]
-    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    done = flown(SCENARIO.format(speed="max", duration_s=65.0, slot=free_slot(2)), arducopter, tmp_path)
     assert done.returncode == 0, done.stderr
     (run,) = (tmp_path / "out").iterdir()
     log = OnboardLog(run, "1")
@@ -60,20 +65,7 @@ nodes: [{{id: 0, parameters: {{FENCE_ENABLE: 1, FENCE_TYPE: 4}}, agent: {{type: 
 def test_why_a_real_arducopter_is_not_ready_to_arm_is_shown(
     arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
-    scenario = tmp_path / "never_ready.yaml"
-    scenario.write_text(NEVER_READY.format(slot=free_slot(1)))
-    command = [
-        *LOSTLINK,
-        "run",
-        str(scenario),
-        "--out",
-        str(tmp_path / "out"),
-        "--no-figure",
-        "--speed",
-        "max",
-    ]
-    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    done = flown(NEVER_READY.format(slot=free_slot(1)), arducopter, tmp_path)
     waits = "UA 0 still waits until the autopilot is ready to arm: PreArm: Fences enabled, but none selected"
     assert waits in done.stdout.splitlines(), done.stderr
 
@@ -102,19 +94,6 @@ def test_a_breach_of_a_real_arducopters_fence_is_the_reason_of_the_interruption(
     arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
     (tmp_path / "climber.py").write_text(CLIMBER)
-    scenario = tmp_path / "fenced.yaml"
-    scenario.write_text(FENCED.format(slot=free_slot(1)))
-    command = [
-        *LOSTLINK,
-        "run",
-        str(scenario),
-        "--out",
-        str(tmp_path / "out"),
-        "--no-figure",
-        "--speed",
-        "max",
-    ]
-    command += ["--autopilot", "ardupilot", "--ardupilot-dir", str(arducopter.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=380)
+    done = flown(FENCED.format(slot=free_slot(1)), arducopter, tmp_path)
     told = "UA 0 velocity: velocity interrupted: mode changed to RTL (Max Alt fence breached) (climber.py:6)"
     assert told in done.stdout.splitlines(), done.stdout + done.stderr

@@ -308,17 +308,18 @@ def _unread_options(root: Written, index: int, agent: OwnAgent) -> Iterator[str]
 
 
 def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
-    emitters = {node.node for node in scenario.emitters}
     for index, expectation in enumerate(scenario.expectations):
         known = scenario.stations if expectation.may_name_emitters else scenario.transceiver_ids
         for key, ids in expectation.nodes.items():
             for node_id in ids:
-                if node_id in emitters and node_id not in known:
+                if node_id in known:
+                    continue
+                text = (
+                    f"no node has the id {node_id}{near_miss(node_id, known)}; there are: {', '.join(known)}"
+                )
+                if node_id in scenario.stations:
                     text = f"{node_id} is an emitter: it exchanges no packets, and has no agent"
-                    yield _told(root, ("expectations", index, key), text)
-                elif node_id not in known:
-                    text = f"no node has the id {node_id}{near_miss(node_id, known)}; there are: {', '.join(known)}"
-                    yield _told(root, ("expectations", index, key), text)
+                yield _told(root, ("expectations", index, key), text)
         if isinstance(expectation, FunctionExpectation):
             mistake = mistake_in(expectation.place, expectation.function_name, "function")
             if mistake:
