@@ -21,7 +21,7 @@ from bridge.record.names import from_autopilot
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.conftest import LOSTLINK
-from tests.integration.bridge.scripted_station import messages, out_of
+from tests.integration.bridge.mavlink.scripted_station import messages, out_of
 from tests.interop.served import CLIENTS, Program, program
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(1800)]

@@ -16,8 +16,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from bridge.record.names import from_autopilot
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from tests.integration.bridge.scripted_station import Said, flown, messages, out_of
-from tests.integration.bridge.test_modem_networks import flown_again
+from tests.integration.bridge.mavlink.scripted_station import Said, flown, messages, out_of
+from tests.integration.bridge.mavlink.test_modem_networks import flown_again
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(3000)]
 READY_S = 50

@@ -21,9 +21,9 @@ from playwright.sync_api import Browser, Error, Locator, expect
 from benchmarks.browser import chromium
 from bridge.bus.keys import Keys
 from bridge.record.logged import LoggedValue
+from tests.integration.bridge.clients.test_view import address_of
+from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
-from tests.integration.bridge.test_view import address_of
-from tests.integration.bridge.view import serving
 from tests.interop.view_page import ViewPage
 from tests.unit.lostlink.replay.flown import Said, everybody, flown, rails, scenario_of
 

@@ -12,8 +12,8 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, expect
 
+from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import StartRun, start_run  # noqa: F401
-from tests.integration.bridge.view import serving
 from tests.interop.surveyor import AGENT, SCENARIO
 from tests.interop.test_view_browser import held, opened
 from tests.interop.view_page import ViewPage
