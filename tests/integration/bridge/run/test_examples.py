@@ -51,7 +51,7 @@ SHORT_S = {
 """Sim time that each is flown for with the stand-in: the first packets, and most of a climb."""
 WHOLE, REAL, BESIDE = {"acceptance"}, {"fixed_wing", "mixed"}, {"beside"}
 BOTH = {"two_autopilots"}
-"""Of PX4 and ArduPilot: flown in tests/interop/test_run_px4.py."""
+"""Of PX4 and ArduPilot: flown in tests/interop/px4/test_run_px4.py."""
 Fly = Callable[..., Path]
 
 

@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.wire.framer import Framer
-from tests.interop.router_bench import bench_with, mavlink_routerd
+from tests.interop.mavlink_router.router_bench import bench_with, mavlink_routerd
 from tests.unit.aps.hub.test_forwarding import (
     ALL,
     AP,
@@ -26,7 +26,7 @@ from tests.unit.aps.hub.test_forwarding import (
     unknown_frame,
 )
 
-RECORDING = Path(__file__).parents[1] / "data" / "mavlink_arducopter.bin"
+RECORDING = Path(__file__).parents[2] / "data" / "mavlink_arducopter.bin"
 SYSID = 4
 """Of the recording's autopilot."""
 
@@ -109,7 +109,7 @@ async def test_after_a_forgery_a_link_still_gets_the_autopilots_telemetry(router
 
 
 def test_docs_name_each_difference():
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "aps.md").read_text()
+    text = (Path(__file__).parents[3] / "docs" / "reference" / "aps.md").read_text()
     section = text[text.index("### Beside mavlink-router") :]
     for name in {name for name, _ in DIFFERENCES.values()} | {row[0] for row in MORE}:
         assert f"| {name} |" in section

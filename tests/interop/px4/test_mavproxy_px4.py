@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from tests.interop.px4_vehicle import copter_with_daemon
+from tests.interop.px4.px4_vehicle import copter_with_daemon
 from tests.interop.served import Served, distances_m, mavproxy, places_of_tlog
 
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]

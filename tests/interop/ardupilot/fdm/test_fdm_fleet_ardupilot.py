@@ -20,7 +20,7 @@ from fdm.model.geodesy import GeodeticPosition, Home
 pytestmark = pytest.mark.ardupilot
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
-PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params" / "copter.parm"
+PARAMETERS = Path(__file__).parents[4] / "sitl_configs" / "params" / "copter.parm"
 WAIT_S = 40.0
 STALL_S = 1.0
 

@@ -16,7 +16,7 @@ from fdm.model.airframe import load_airframe
 pytestmark = pytest.mark.ardupilot
 
 HOME = "47.3977,8.5456,488,90"
-PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params"
+PARAMETERS = Path(__file__).parents[4] / "sitl_configs" / "params"
 GUIDED, RTL = 4, 6
 MESSAGES = {"LOCAL_POSITION_NED": 32, "GLOBAL_POSITION_INT": 33, "ATTITUDE": 30, "EXTENDED_SYS_STATE": 245}
 TIMEOUT_S = 90.0

@@ -20,7 +20,7 @@ from lostlink.reading.run import load_run
 
 pytestmark = [pytest.mark.px4, pytest.mark.timeout(900)]
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BESIDE = ROOT / "examples" / "two_autopilots" / "two_autopilots.yaml"
 CORNERS, HEIGHT_M = ((40, 0), (40, 40), (0, 40)), 20.0
 """Of its mission: north and east of home, metres."""

@@ -1,6 +1,6 @@
 """A flight of PX4 by the daemon's verbs, and its record: what ``tests/data/mavlink_px4.bin.xz`` was made with.
 
-    python -m tests.interop.px4_flight 14540 1 tests/data/mavlink_px4.bin.xz    # port and system of a running PX4
+    python -m tests.interop.px4.px4_flight 14540 1 tests/data/mavlink_px4.bin.xz    # port and system of a running PX4
 
 The record has the messages that the verbs look at, positions at 4 Hz, by exchange.
 """

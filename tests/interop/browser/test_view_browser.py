@@ -24,7 +24,7 @@ from bridge.record.logged import LoggedValue
 from tests.integration.bridge.clients.test_view import address_of
 from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
-from tests.interop.view_page import ViewPage
+from tests.interop.browser.view_page import ViewPage
 from tests.unit.lostlink.replay.flown import Said, everybody, flown, rails, scenario_of
 
 OUT = """\

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
+from tests.interop.clients.test_clients_together import free_udp_port
 from tests.interop.served import Program, program
-from tests.interop.test_clients_together import free_udp_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
 GUIDED = 4
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TYPED = {
     "wp load": "Sent all 4",
     "wp list": "Saved 4",

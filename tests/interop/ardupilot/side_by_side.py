@@ -1,6 +1,6 @@
 """The same words to the stand-in, ArduCopter and ArduPlane, in runs alike, and what each answers and does.
 
-python -m tests.interop.side_by_side        flies all (ARDUPILOT_HOME); writes their rows and the table of the docs
+python -m tests.interop.ardupilot.side_by_side    flies all (ARDUPILOT_HOME); writes their rows and the docs' table
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from bridge.bus.messages import AircraftState
 from lostlink import fly
 from tests.interop.builtin_vehicles import free_instance
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DATA = ROOT / "tests" / "data" / "side_by_side.json"
 PAGE = ROOT / "docs" / "reference" / "standin.md"
 KINDS = {

@@ -8,8 +8,8 @@ import pytest
 from pymavlink import mavutil
 
 from aps.vehicle.execution import Outcome
-from tests.interop.px4_flight import away
-from tests.interop.px4_vehicle import copter_with_daemon
+from tests.interop.px4.px4_flight import away
+from tests.interop.px4.px4_vehicle import copter_with_daemon
 from tests.interop.served import CLIENTS, program
 
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]

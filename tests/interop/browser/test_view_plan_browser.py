@@ -14,9 +14,9 @@ from playwright.sync_api import Browser, expect
 
 from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import StartRun, start_run  # noqa: F401
+from tests.interop.browser.test_view_browser import held, opened
+from tests.interop.browser.view_page import ViewPage
 from tests.interop.surveyor import AGENT, SCENARIO
-from tests.interop.test_view_browser import held, opened
-from tests.interop.view_page import ViewPage
 from tests.warm import run_lostlink
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.ardupilot, pytest.mark.timeout(300)]
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 0.0), 0.0)
 """At sea level: SITL up to 4.7-dev divides the airspeed that it is sent by EAS2TAS once more (ArduPilot's issue
 31004, mended by its pull request 33713), which is 3 % at 500 m and nothing here."""
-PARAMETERS = Path(__file__).parents[2] / "sitl_configs" / "params" / "plane.parm"
+PARAMETERS = Path(__file__).parents[4] / "sitl_configs" / "params" / "plane.parm"
 TIMEOUT_S = 90.0
 HEIGHT_M = 80.0
 CORNERS = ((1000.0, 0.0), (1000.0, 500.0), (0.0, 500.0), (0.0, 0.0))

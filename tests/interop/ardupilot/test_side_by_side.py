@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.interop.side_by_side import DATA, flown
+from tests.interop.ardupilot.side_by_side import DATA, flown
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow, pytest.mark.timeout(600)]
 
