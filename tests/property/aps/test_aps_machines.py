@@ -22,8 +22,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_stat
 from aps.vehicle.execution import Outcome
 from aps.vehicle.parameters.ftp import MAX_HOLES, ReadExecution
 from aps.wire.framer import MAX_FRAME_BYTES, Framer
-from tests.property.test_aps_framer import messages
-from tests.property.test_aps_vehicle import MESSAGES, STARTS
+from tests.property.aps.test_aps_framer import messages
+from tests.property.aps.test_aps_vehicle import MESSAGES, STARTS
 from tests.unit.aps.vehicle.peer import SYSID, Bench, KeepingAutopilot, packed
 
 CPU_S = float(os.environ.get("LOSTLINK_FUZZ_CPU_S", "0"))
