@@ -8,7 +8,7 @@ from channel.link.gain_law import chance_of_less
 from channel.link.radio import Radio
 from channel.medium.judge.check import Verdict
 from channel.medium.judge.judge import Judge
-from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
+from tests.unit.channel.medium.judge.flights import NODES, Other, reach_m, verdict_of
 
 RECEPTIONS = 10_000
 FEWER = 4_000

@@ -1,4 +1,4 @@
-"""How often the verdict fails right and wrong worlds: `python -m tests.unit.channel.medium.counted_worlds 100`.
+"""How often the verdict fails right and wrong worlds: `python -m tests.unit.channel.medium.judge.counted_worlds 100`.
 
 A line for each of `worlds`: how many of so many failed; of wrong ones by the check that should see what is wrong, with
 the power that the check states of itself (median over the worlds). `right` or `wrong` after the number: these alone.
@@ -7,7 +7,7 @@ the power that the check states of itself (median over the worlds). `right` or `
 import statistics
 import sys
 
-from tests.unit.channel.medium.worlds import RIGHT, WRONG, failures, verdicts
+from tests.unit.channel.medium.judge.worlds import RIGHT, WRONG, failures, verdicts
 
 
 def right_line(name: str, repeats: int) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from channel.medium.judge.changes import OVER_PLACE
-from tests.unit.channel.medium.worlds import (
+from tests.unit.channel.medium.judge.worlds import (
     FLIGHT,
     PACKETS,
     RIGHT,
