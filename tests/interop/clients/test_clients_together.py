@@ -13,7 +13,6 @@ from tests.interop.served import CLIENTS, Program, Served, mavproxy, places_of_t
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
-EXAMPLES = CLIENTS.parent
 E7 = re.compile(r"\blat : (-?\d+), lon : (-?\d+)")
 DEGREES = re.compile(r"(?:latitude_deg=|^at )(-?\d+\.\d+)(?:, longitude_deg=| )(-?\d+\.\d+)")
 
@@ -41,10 +40,10 @@ async def test_all_at_once_on_one_ua(served: Served, tmp_path: Path) -> None:
         console = await running.enter_async_context(mavproxy(served, tmp_path))
         await console.says(rf"Received {len(everything)} parameters")
         for words in (
-            (EXAMPLES / "mavsdk_watch.py", served.mavsdk, "246"),
-            (EXAMPLES / "mavsdk_watch.py", served.mavsdk, "247"),
-            (EXAMPLES / "mavsdk_watch.py", f"udpin://127.0.0.1:{udp_port}", "248"),
-            (EXAMPLES / "mavlink_client.py", served.tcp),
+            (CLIENTS / "mavsdk_watch.py", served.mavsdk, "246"),
+            (CLIENTS / "mavsdk_watch.py", served.mavsdk, "247"),
+            (CLIENTS / "mavsdk_watch.py", f"udpin://127.0.0.1:{udp_port}", "248"),
+            (CLIENTS / "mavlink_client.py", served.tcp),
             (CLIENTS / "dronekit_flight.py", served.tcp, "--watch"),
         ):
             watchers.append(await running.enter_async_context(program(*words)))

@@ -27,7 +27,7 @@ def test_mavsdk_finds_ua_0_and_its_position(
             assert line, "the run ended before it flew"
         watch = [
             sys.executable,
-            str(ROOT / "examples" / "mavsdk_watch.py"),
+            str(ROOT / "examples" / "clients" / "mavsdk_watch.py"),
             f"tcpout://127.0.0.1:{6760 + 10 * slot}" if way == "tcp" else f"udpin://127.0.0.1:{14600 + slot}",
         ]
         with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as client:

@@ -14,7 +14,7 @@ from pymavlink import mavutil
 from tests.integration.bridge.conftest import STILL, Run, StartRun
 from tests.warm import run_lostlink
 
-EXAMPLES = Path(__file__).parents[4] / "examples"
+CLIENTS = Path(__file__).parents[4] / "examples" / "clients"
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_echo_prints_decoded_deliveries_of_the_run(live_run: Run) -> None:
 
 
 def test_plain_subscriber_of_the_readme_sees_deliveries(live_run: Run) -> None:
-    script = [sys.executable, str(EXAMPLES / "zenoh_subscriber.py"), live_run.endpoint]
+    script = [sys.executable, str(CLIENTS / "zenoh_subscriber.py"), live_run.endpoint]
     for line in first_lines(script, 3):
         assert line.startswith(f"lostlink/{live_run.directory.name}/node/")
         assert "/rx/" in line
@@ -126,7 +126,7 @@ def test_the_example_client_ends_with_the_run(start_run: StartRun) -> None:
     run = start_run("--speed", "2", duration_s=12.0)
     run.wait_for("sim time")
     port = 6760 + 10 * (run.slot + 1)
-    client = [sys.executable, str(EXAMPLES / "mavlink_client.py"), f"tcp:127.0.0.1:{port}"]
+    client = [sys.executable, str(CLIENTS / "mavlink_client.py"), f"tcp:127.0.0.1:{port}"]
     done = subprocess.run(client, capture_output=True, text=True, timeout=60)
     assert run.finish() == 0
     assert "system 2 is there" in done.stdout

@@ -29,16 +29,21 @@ FLOWN = {
     "parallel coupling": ("separation", "--set", "fdm.coupling=parallel"),
     "outages": ("separation", "--radio", "wifi-2.4", "--set", "nodes.1.radio_off=[{from_s: 2, to_s: 4}]"),
     "localise": (str(EXAMPLES / "localise" / "localise.yaml"),),
-    "wander": (str(EXAMPLES / "wander.yaml"),),
-    "turn back": (str(EXAMPLES / "turn_back.yaml"),),
+    "wander": (str(EXAMPLES / "agents" / "wander.yaml"),),
+    "turn back": (str(EXAMPLES / "agents" / "turn_back.yaml"),),
     "relay placement": (str(EXAMPLES / "relay_placement" / "relay_placement.yaml"),),
     "consensus": (str(EXAMPLES / "consensus" / "consensus.yaml"),),
-    "a ground station": (str(EXAMPLES / "ground_station.yaml"),),
+    "a ground station": (str(EXAMPLES / "ground_nodes" / "ground_station.yaml"),),
     "lookahead": ("separation", *NOISY, *AHEAD),
-    "lookahead, exchanges": (str(EXAMPLES / "wander.yaml"), *AHEAD, "--set", "mavlink_rate_hz=100"),
+    "lookahead, exchanges": (
+        str(EXAMPLES / "agents" / "wander.yaml"),
+        *AHEAD,
+        "--set",
+        "mavlink_rate_hz=100",
+    ),
     "modems": (str(MODEMS),),
     "modems, exchanges, lookahead": (str(MODEMS), *AHEAD, "--set", "mavlink_rate_hz=100"),
-    "many UA": (str(EXAMPLES / "ring.yaml"),),
+    "many UA": (str(EXAMPLES / "scenarios" / "ring.yaml"),),
 }
 SHORT = {"separation"}
 LONG = {"modems", "consensus", "localise", "turn back", "lookahead, exchanges", "parallel coupling"}
@@ -79,7 +84,7 @@ def test_what_is_said_of_a_payload_is_recorded(
     processes: str, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
     """Of a message its type, of bytes nothing, however they came to the radio."""
-    wander = str(EXAMPLES / "wander.yaml")
+    wander = str(EXAMPLES / "agents" / "wander.yaml")
     fly(tmp_path, free_slot(4), processes, wander, "--set", "fdm.standin_rate_hz=100", duration_s=1.0)
     (run,) = (tmp_path / processes).iterdir()
     said = {(packet.channel, packet.encoding) for _, packet in packets_of(run, "0")}

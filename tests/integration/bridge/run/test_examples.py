@@ -25,10 +25,11 @@ from tests.warm import run_lostlink
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 SHIPPED = Path(str(SCENARIOS))
+FOLDERS = ("agents", "ground_nodes", "scenarios")
 MISSIONS = ("consensus", "localise", "relay_placement")
 """Flown in short form in tests/integration/examples."""
 FILES = [
-    *sorted(EXAMPLES.glob("*.yaml")),
+    *(file for folder in FOLDERS for file in sorted((EXAMPLES / folder).glob("*.yaml"))),
     *(EXAMPLES / name / f"{name}.yaml" for name in MISSIONS),
     EXAMPLES / "two_autopilots" / "two_autopilots.yaml",
     SHIPPED / "separation.yaml",
@@ -146,9 +147,8 @@ def test_an_acceptance_run_is_accepted_and_a_stricter_one_is_not(fly: Fly, tmp_p
     run = fly("acceptance", "--quiet")
     assert [row["passed"] for row in summary_of(run)["expectations"]] == [True] * 9
     stricter = tmp_path / "stricter.yaml"
-    stricter.write_text(
-        f"extends: {EXAMPLES / 'acceptance.yaml'}\nexpectations: [{{type: separation, at_least_m: 150}}]\n"
-    )
+    base = EXAMPLES / "scenarios" / "acceptance.yaml"
+    stricter.write_text(f"extends: {base}\nexpectations: [{{type: separation, at_least_m: 150}}]\n")
     done = run_lostlink("judge", str(run), str(stricter))
     assert done.returncode == 3
     truth = read_columns(run, TRUTH)
@@ -187,9 +187,9 @@ def test_those_with_real_autopilots_fly(fly: Fly, name: str, arduplane: Path, ar
 @pytest.mark.slow
 def test_a_program_beside_the_run_transmits(start_run: StartRun) -> None:
     ports = "{{zenoh: 0, first_slot: {slot}}}"
-    run: Run = start_run(scenario=f"extends: {EXAMPLES / 'beside.yaml'}\nports: {ports}\n")
+    run: Run = start_run(scenario=f"extends: {EXAMPLES / 'ground_nodes' / 'beside.yaml'}\nports: {ports}\n")
     run.wait_for("stays on the ground")
-    command = [sys.executable, str(EXAMPLES / "beside.py"), str(run.directory)]
+    command = [sys.executable, str(EXAMPLES / "ground_nodes" / "beside.py"), str(run.directory)]
     done = subprocess.run(
         command, input="one\ntwo\n", capture_output=True, text=True, timeout=60, check=False
     )
