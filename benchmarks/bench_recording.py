@@ -39,7 +39,7 @@ for name in ("append", "append_row"):
 """For every process of a run, as sitecustomize.py."""
 LEGS = {"altitude_m": 30, "legs": 100, "radius_m": 600, "speed_mps": 15, "leg_s": 20}
 AGENT = """\
-from examples.wander import Wander
+from examples.agents.wander import Wander
 
 
 class Flier(Wander):

@@ -86,7 +86,7 @@ def lines() -> list[Line]:
         Line("standin mavlink 100 Hz", separation, {"mavlink_rate_hz": 100}, loaded=True),
         Line("standin gusty", separation, GUSTY, {"fdm.workers": 2}, loaded=True),
         Line("standin outputs", separation, SILENT, TELLING),
-        Line("wander", EXAMPLES / "wander.yaml", {}, {"hosts": 1}, loaded=True),
+        Line("wander", EXAMPLES / "agents" / "wander.yaml", {}, {"hosts": 1}, loaded=True),
     ]
     copters = {"autopilot": "ardupilot"}
     real = [
@@ -96,7 +96,14 @@ def lines() -> list[Line]:
         Line("copters parallel", separation, copters | {"fdm.coupling": "parallel"}, loaded=True, real=True),
         Line("copters outputs", separation, copters | SILENT, TELLING, real=True),
         Line("plane and copter gusty", mixed, GUSTY, loaded=True, real=True),
-        Line("wander copters", EXAMPLES / "wander.yaml", copters, {"hosts": 1}, loaded=True, real=True),
+        Line(
+            "wander copters",
+            EXAMPLES / "agents" / "wander.yaml",
+            copters,
+            {"hosts": 1},
+            loaded=True,
+            real=True,
+        ),
     ]
     px4 = {"autopilot": "px4"}
     fly_px4 = [

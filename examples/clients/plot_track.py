@@ -1,6 +1,6 @@
 """Draw what MAVSDK reported of a flight over the run's true track.
 
-python ../mavsdk_watch.py tcpout://127.0.0.1:6760 246 > watch.txt    # during the run
+python mavsdk_watch.py tcpout://127.0.0.1:6760 246 > watch.txt    # during the run
 python plot_track.py runs/20261122T034649Z-clients watch.txt track.png
 """
 

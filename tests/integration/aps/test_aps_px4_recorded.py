@@ -1,4 +1,4 @@
-"""The daemon on what a real PX4 said: a flight by every verb, recorded with ``tests.interop.px4_flight``."""
+"""The daemon on what a real PX4 said: a flight by every verb, recorded with ``tests.interop.px4.px4_flight``."""
 
 import asyncio
 import json
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
-from tests.interop.px4_flight import METADATA, TICK_S, Pilot, read_record
+from tests.interop.px4.px4_flight import METADATA, TICK_S, Pilot, read_record
 
 RECORD = Path(__file__).parents[2] / "data" / "mavlink_px4.bin.xz"
 SYSID = 8

@@ -13,8 +13,8 @@ import pytest
 from channel import presets
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
-from tests.unit.channel.medium.flights import NODES, Other, reach_m, verdict_of
-from tests.unit.channel.medium.worlds import RIGHT, WRONG, chances, failures, verdicts
+from tests.unit.channel.medium.judge.flights import NODES, Other, reach_m, verdict_of
+from tests.unit.channel.medium.judge.worlds import RIGHT, WRONG, chances, failures, verdicts
 
 RECEPTIONS = 20_000
 RUNS = int(os.environ.get("LOSTLINK_VERDICTS", "50"))

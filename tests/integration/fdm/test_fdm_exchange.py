@@ -313,7 +313,7 @@ def test_a_model_that_diverges_at_boot_ends_its_ua_once_and_is_not_stepped(start
 @pytest.mark.parametrize("coupling", ["serial", "parallel"])
 def test_the_example_client_takes_off(start, coupling):
     port = start(coupling=coupling).exchange.ports[0]
-    client = Path(__file__).parents[3] / "examples" / "json_client.py"
+    client = Path(__file__).parents[3] / "examples" / "flight_dynamics" / "json_client.py"
     done = subprocess.run(
         [sys.executable, client, f"--port={port}"], capture_output=True, text=True, timeout=WAIT_S
     )

@@ -23,7 +23,7 @@ COMMANDS = [line for kind, _, text in BLOCK.findall(TEXT) if kind == "sh" for li
 
 def test_the_page_says_of_the_radio_what_the_example_has() -> None:
     first = next(text for kind, _, text in BLOCK.findall(TEXT) if kind == "yaml")
-    example = yaml.safe_load((ROOT / "examples" / "beyond_range.yaml").read_text())
+    example = yaml.safe_load((ROOT / "examples" / "ground_nodes" / "beyond_range.yaml").read_text())
     assert yaml.safe_load(first)["radio"] == example["radio"]
 
 

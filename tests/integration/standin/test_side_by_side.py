@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.interop.side_by_side import DATA, PAGE, PARTS, flown, table
+from tests.interop.ardupilot.side_by_side import DATA, PAGE, PARTS, flown, table
 
 ROWS = json.loads(DATA.read_text())
 ITS_OWN = {"ready to arm after", "take-off takes"}

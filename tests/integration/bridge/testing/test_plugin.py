@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLE = Path(__file__).parents[4] / "examples" / "test_turn_back.py"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "agents" / "test_turn_back.py"
 STILL = """
 import pytest
 

@@ -102,8 +102,9 @@ def test_all_keys_of_expectations_are_there(kind: str) -> None:
 
 
 def test_every_example_is_there() -> None:
-    named = set(re.findall(r"\.\./examples/(\w+)\.yaml", TEXT))
-    assert named == {file.stem for file in (ROOT / "examples").glob("*.yaml")}
+    for folder in ("agents", "ground_nodes", "scenarios"):
+        named = set(re.findall(rf"\.\./examples/{folder}/(\w+)\.yaml", TEXT))
+        assert named == {file.stem for file in (ROOT / "examples" / folder).glob("*.yaml")} != set()
 
 
 def test_what_the_docs_say_of_mistakes() -> None:

@@ -64,7 +64,7 @@ def test_heights_of_a_geotiff():
 def test_the_script_makes_the_tile(tmp_path):
     import rasterio
 
-    runpy.run_path(str(ROOT / "examples" / "make_terrain_tile.py"))["write"](tmp_path / "tile.tif")
+    runpy.run_path(str(ROOT / "examples" / "maps" / "make_terrain_tile.py"))["write"](tmp_path / "tile.tif")
     with rasterio.open(TILE) as old, rasterio.open(tmp_path / "tile.tif") as new:
         assert np.array_equal(old.read(1), new.read(1))
         assert (old.crs, old.transform) == (new.crs, new.transform)

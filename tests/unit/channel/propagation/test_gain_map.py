@@ -225,7 +225,7 @@ def test_a_file_beside_the_yaml(tmp_path):
 
 def test_a_medium_flies_over_the_map_that_ships(tmp_path):
     """Its script makes it anew, and a UA that sinks behind the ridge is lost to the one that holds."""
-    script = runpy.run_path(str(ROOT / "examples" / "make_gain_map.py"))
+    script = runpy.run_path(str(ROOT / "examples" / "maps" / "make_gain_map.py"))
     script["write"](tmp_path / "ridge.nc")
     shipped = ROOT / "sitl_configs" / "maps" / "ridge.nc"
     with netcdf_file(shipped, mmap=False) as old, netcdf_file(tmp_path / "ridge.nc", mmap=False) as new:
@@ -253,7 +253,7 @@ def test_a_medium_flies_over_the_map_that_ships(tmp_path):
 
 def test_what_sionna_traced_in_the_open_is_free_space(tmp_path):
     """Arrays of Sionna RT 2.2: its scene `floor_wall`, line of sight alone, 1e6 rays; gains are means over 1 m."""
-    script = runpy.run_path(str(ROOT / "examples" / "import_sionna_map.py"))
+    script = runpy.run_path(str(ROOT / "examples" / "maps" / "import_sionna_map.py"))
     with np.load(ROOT / "tests" / "data" / "sionna_rt_floor_wall.npz") as data:
         arrays = {name: data[name] for name in data.files if name != "frequency_hz"}
         script["write_map"](tmp_path / "map.nc", **arrays, frequency_hz=float(data["frequency_hz"]))
@@ -280,7 +280,7 @@ def test_arrays_of_sionna_become_a_map(tmp_path):
         tx_positions=tx,
         frequency_hz=2.412e9,
     )
-    script = ROOT / "examples" / "import_sionna_map.py"
+    script = ROOT / "examples" / "maps" / "import_sionna_map.py"
     command = [
         sys.executable,
         script,

@@ -33,7 +33,9 @@ def mistakes(content: dict[str, Any]) -> list[str]:
     return [error.message for error in CHECKER.iter_errors(content)]
 
 
-FILES = [*sorted((ROOT / "scenarios").glob("*.yaml")), *sorted((ROOT.parent / "examples").glob("*.yaml"))]
+EXAMPLES = ROOT.parent / "examples"
+FOLDERS = (ROOT / "scenarios", *(EXAMPLES / name for name in ("agents", "ground_nodes", "scenarios")))
+FILES = [file for folder in FOLDERS for file in sorted(folder.glob("*.yaml"))]
 
 
 def test_the_shipped_schema_is_fresh_and_a_schema() -> None:
