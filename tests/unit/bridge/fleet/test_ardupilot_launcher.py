@@ -40,8 +40,10 @@ def launched(tmp_path: Path, text: str, node: str) -> ProcessSpec:
 def parameters_of(spec: ProcessSpec) -> dict[str, float]:
     """What the files after --defaults say, the last one winning, as in ArduPilot."""
     values: dict[str, float] = {}
+    assert spec.cwd is not None
     for file in spec.command[spec.command.index("--defaults") + 1].split(","):
-        lines = (line.split("#")[0].split() for line in Path(file).read_text(encoding="utf-8").splitlines())
+        text = (spec.cwd / file).read_text(encoding="utf-8")
+        lines = (line.split("#")[0].split() for line in text.splitlines())
         values |= {name: float(value) for name, value in filter(None, lines)}
     return values
 
@@ -52,6 +54,12 @@ def test_parameters_of_the_ua_win_over_those_of_all_and_those_over_the_airframes
     assert (second["SIM_RATE_HZ"], second["FRAME_TYPE"], second["WPNAV_SPEED"]) == (1000, 0, 0.125)
     without = parameters_of(launched(tmp_path, TEXT, "1"))
     assert (without["SIM_RATE_HZ"], without["FRAME_TYPE"]) == (800, 1)
+
+
+def test_a_run_in_a_folder_with_a_comma_has_its_parameters(tmp_path: Path) -> None:
+    folder = tmp_path / "wind, 8 m per s"
+    folder.mkdir()
+    assert parameters_of(launched(folder, WITH_PARAMETERS, "1"))["SIM_RATE_HZ"] == 1000
 
 
 def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> None:
