@@ -112,6 +112,7 @@ class ArduPilot(Launcher):
             plan.run.log_path(plan.name),
             cwd=directory,
             stop_signal=signal.SIGKILL,  # SITL ignores SIGTERM while it waits for physics
+            environment={"SITL_PANIC_EXIT": "1"},  # a PANIC would else turn in a loop for ever
         )
 
 

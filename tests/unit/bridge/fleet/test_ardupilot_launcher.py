@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,7 +13,7 @@ import pytest
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.autopilots.launcher import LaunchPlan
-from bridge.fleet.children.child import ProcessSpec
+from bridge.fleet.children.child import Child, ProcessSpec, start_anew
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
@@ -60,6 +63,22 @@ def test_a_run_in_a_folder_with_a_comma_has_its_parameters(tmp_path: Path) -> No
     folder = tmp_path / "wind, 8 m per s"
     folder.mkdir()
     assert parameters_of(launched(folder, WITH_PARAMETERS, "1"))["SIM_RATE_HZ"] == 1000
+
+
+@pytest.mark.ardupilot
+async def test_a_panic_of_the_real_arducopter_ends_it_and_is_what_its_log_ends_with(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    spec = launched(tmp_path, f"{TEXT}ports: {{first_slot: {free_slot(2)}}}\n", "1")
+    assert spec.cwd is not None
+    (spec.cwd / "own.parm").unlink()
+    child = Child(replace(spec, command=[str(arducopter), *spec.command[1:]]), start_anew)
+    try:
+        await asyncio.wait_for(asyncio.shield(child.ended), 60)
+    finally:
+        child.kill()
+    assert child.how_it_ended == "ended with status 1"
+    assert "PANIC: Failed to load defaults" in child.log_tail()
 
 
 def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> None:
