@@ -19,6 +19,7 @@ from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings, name_of
 from channel.access.settings.sik import SikMedium
 from channel.network.crossing import Crossing
+from channel.phy.error_model import Lossless
 
 RATES_APART = 1.01
 """Factor between two rates that are not the same rate rounded."""
@@ -96,6 +97,8 @@ def rates_that_differ(scenario: Scenario) -> Iterator[str]:
     for name in scenario.network_names:
         # with such a medium all its radios have one rate (`rate_mistake`)
         config = next(iter(radios_of(scenario, network=name).values())).config
+        if isinstance(config.error, Lossless):  # errors of no rate; tables and thresholds are those of one
+            continue
         key, rate_bps = _own_rate(config.medium)
         if rate_bps is not None and not 1.0 / RATES_APART < rate_bps / config.bit_rate_bps < RATES_APART:
             yield (

@@ -103,7 +103,8 @@ class ArduPilot(Launcher):
             "--home",
             plan.home_text,
         ]
-        command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory)}"]
+        # by its name alone: SITL splits the list at commas, which the way to a run may have
+        command += ["--defaults", f"{PARAMETERS / f'{vehicle}.parm'},{_own_parameters(plan, directory).name}"]
         command += ["--serial0", "tcp:0", "--speedup", str(SPEEDUP), "--start-time", str(START_TIME_UNIX_S)]
         return ProcessSpec(
             plan.name,
@@ -111,6 +112,7 @@ class ArduPilot(Launcher):
             plan.run.log_path(plan.name),
             cwd=directory,
             stop_signal=signal.SIGKILL,  # SITL ignores SIGTERM while it waits for physics
+            environment={"SITL_PANIC_EXIT": "1"},  # a PANIC would else turn in a loop for ever
         )
 
 

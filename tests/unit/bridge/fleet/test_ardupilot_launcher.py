@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,7 +13,7 @@ import pytest
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.fleet.autopilots.launcher import LaunchPlan
-from bridge.fleet.children.child import ProcessSpec
+from bridge.fleet.children.child import Child, ProcessSpec, start_anew
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
@@ -40,8 +43,10 @@ def launched(tmp_path: Path, text: str, node: str) -> ProcessSpec:
 def parameters_of(spec: ProcessSpec) -> dict[str, float]:
     """What the files after --defaults say, the last one winning, as in ArduPilot."""
     values: dict[str, float] = {}
+    assert spec.cwd is not None
     for file in spec.command[spec.command.index("--defaults") + 1].split(","):
-        lines = (line.split("#")[0].split() for line in Path(file).read_text(encoding="utf-8").splitlines())
+        text = (spec.cwd / file).read_text(encoding="utf-8")
+        lines = (line.split("#")[0].split() for line in text.splitlines())
         values |= {name: float(value) for name, value in filter(None, lines)}
     return values
 
@@ -52,6 +57,28 @@ def test_parameters_of_the_ua_win_over_those_of_all_and_those_over_the_airframes
     assert (second["SIM_RATE_HZ"], second["FRAME_TYPE"], second["WPNAV_SPEED"]) == (1000, 0, 0.125)
     without = parameters_of(launched(tmp_path, TEXT, "1"))
     assert (without["SIM_RATE_HZ"], without["FRAME_TYPE"]) == (800, 1)
+
+
+def test_a_run_in_a_folder_with_a_comma_has_its_parameters(tmp_path: Path) -> None:
+    folder = tmp_path / "wind, 8 m per s"
+    folder.mkdir()
+    assert parameters_of(launched(folder, WITH_PARAMETERS, "1"))["SIM_RATE_HZ"] == 1000
+
+
+@pytest.mark.ardupilot
+async def test_a_panic_of_the_real_arducopter_ends_it_and_is_what_its_log_ends_with(
+    arducopter: Path, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    spec = launched(tmp_path, f"{TEXT}ports: {{first_slot: {free_slot(2)}}}\n", "1")
+    assert spec.cwd is not None
+    (spec.cwd / "own.parm").unlink()
+    child = Child(replace(spec, command=[str(arducopter), *spec.command[1:]]), start_anew)
+    try:
+        await asyncio.wait_for(asyncio.shield(child.ended), 60)
+    finally:
+        child.kill()
+    assert child.how_it_ended == "ended with status 1"
+    assert "PANIC: Failed to load defaults" in child.log_tail()
 
 
 def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> None:

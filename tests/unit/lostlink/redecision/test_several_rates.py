@@ -114,6 +114,13 @@ def test_a_medium_with_another_rate_than_its_radios_is_warned_of() -> None:
     ]
 
 
+@pytest.mark.parametrize(("error", "has_errors_of_a_rate"), [("lossless", False), ("uncoded-awgn", True)])
+def test_radios_without_errors_have_none_of_another_rate(error: str, has_errors_of_a_rate: bool) -> None:
+    medium = f"{{model: airtime, bit_rate_bps: 32e+3}}, error: {{model: {error}}}"
+    found = list(rates_that_differ(scenario_with("perfect", medium, 64e3, 64e3)))
+    assert bool(found) is has_errors_of_a_rate
+
+
 def test_a_medium_of_ones_own_that_wants_one_rate_refuses_several(tmp_path: Path) -> None:
     (tmp_path / "plain.py").write_text(
         "from channel.access.media.airtime import AirTime\n"
