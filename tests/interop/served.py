@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
 from aps.links.link import Link, Role
+from bridge.fleet.children.child import on_a_leash
 from tests.interop.builtin_vehicles import HOME, SYSID, until
 
 CLIENTS = Path(__file__).parents[2] / "examples" / "clients"
@@ -98,10 +99,10 @@ class Program:
 
 @contextlib.asynccontextmanager
 async def program(*command: object, cwd: Path | None = None) -> AsyncIterator[Program]:
-    """Run a Python script, or a module with its options, as a child in a session of its own."""
+    """Run a Python script, or a module with its options, as a child in a session of its own that ends with us."""
     words = [str(word) for word in command]
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, *words),
+        *on_a_leash([sys.executable, *words]),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,

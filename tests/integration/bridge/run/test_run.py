@@ -178,7 +178,17 @@ def test_port_in_use_is_named_with_its_owner_and_how_to_move(tmp_path: Path) -> 
 def test_missing_ardupilot_says_where_it_looked_and_how_to_point_to_it(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     env = {"PATH": "/usr/bin", "ARDUPILOT_HOME": str(tmp_path / "home")}
-    done = lostlink("run", "--autopilot", "ardupilot", "--ardupilot-dir", "empty", cwd=tmp_path, env=env)
+    done = lostlink(
+        "run",
+        "--autopilot",
+        "ardupilot",
+        "--ardupilot-dir",
+        "empty",
+        "--first-slot",
+        "auto",
+        cwd=tmp_path,
+        env=env,
+    )
     assert done.returncode == 2
     for place in (
         "empty/arducopter",
@@ -209,7 +219,7 @@ def test_bad_option_is_status_2(tmp_path: Path, option: str, value: str, says: s
 def test_stand_in_refuses_what_is_no_multirotor(tmp_path: Path) -> None:
     text = (SCENARIOS / "separation.yaml").read_text().replace("airframe: f450", "airframe: aerosonde", 1)
     (tmp_path / "plane.yaml").write_text(text)
-    done = lostlink("run", "plane.yaml", cwd=tmp_path)
+    done = lostlink("run", "plane.yaml", "--first-slot", "auto", cwd=tmp_path)
     assert done.returncode == 2
     assert "UA 0: the stand-in autopilot flies multirotors only" in done.stderr
 
