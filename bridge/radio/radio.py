@@ -88,9 +88,11 @@ class RecordedRadio:
             NetworkAir(each.medium, each.network, name=each.name, nodes=nodes, place=place)
             for place, each in enumerate(self._channels)
         ]
-        self.core = VirtualRadio(airs, ring, self._modems)
+        free = {node.node for node in scenario.transceivers if not node.has_agent}
+        self.core = VirtualRadio(airs, ring, self._modems, free)
         self.picture = Picture(nodes)
-        self._free = {node.node for node in scenario.transceivers if not node.has_agent}
+        self._silent = set(free)
+        """Free nodes as which no program has transmitted yet."""
         self._several: set[str] = set()
         """Free nodes as which several programs transmit."""
         self._has_lost_fates = False
@@ -158,14 +160,14 @@ class RecordedRadio:
 
     def _tell_if_free(self, node: str) -> None:
         """What a node that the clock does not wait for does, it does by wall time."""
-        if node in self._free:
-            self._free.discard(node)
+        if node in self._silent:
+            self._silent.discard(node)
             text = f"a program that the clock does not wait for transmits as node {node}"
             self._report.may_not_repeat(text)
 
     def _tell_if_several(self, node: str, refused: Stamp | None) -> None:
         """Of programs that the clock does not wait for one at a time is to transmit as a node; numbers of two meet."""
-        if refused is None or node in self._several or node not in self.core.nodes or node in self.core.ring:
+        if refused is None or node in self._several or node not in self.core.free:
             return
         if refused.seq < self.core.next_packet(node).seq:
             self._several.add(node)

@@ -10,7 +10,7 @@ because the host was slow, and a run does not depend on how fast it went.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -47,13 +47,21 @@ class VirtualRadio:
         airs: the radio networks; all nodes are on the first.
         ring: who is waited for.
         modems: of nodes, on these networks; None: there are none.
+        free: nodes as which programs transmit that the clock does not wait for, whether or not it waits for the node.
     """
 
-    def __init__(self, airs: Sequence[NetworkAir], ring: Ring, modems: ModemsOfRun | None = None) -> None:
+    def __init__(
+        self,
+        airs: Sequence[NetworkAir],
+        ring: Ring,
+        modems: ModemsOfRun | None = None,
+        free: Collection[str] = (),
+    ) -> None:
         self.airs = tuple(airs)
         self._modems = modems
         self.nodes = self.airs[0].nodes
         self.ring = ring
+        self.free = frozenset(free)
         self.words = Vocabulary()
         self.words.places("radio", [air.name for air in self.airs])
         self.transmitted: list[TxPacket] = []
@@ -134,7 +142,7 @@ class VirtualRadio:
         to = air.addressees[address.to]
         route = f"{address.radio}/{address.to}/{address.channel}"
         tx, at_ns = self._index[address.node], stamp.sim_time_ns
-        if address.node not in self.ring:
+        if address.node in self.free:
             at_ns = max(at_ns, self.ring.received_ns)
         return self._senders.take(
             TxPacket(

@@ -177,11 +177,13 @@ def test_a_free_program_sees_its_queue_and_what_became_of_its_unicasts(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ["ua", "ground"])
 def test_packets_of_free_programs_enter_at_their_node_s_phase_and_are_decided_alike_again(
-    start_run: StartRun, processes: str
+    start_run: StartRun, kind: str, processes: str
 ) -> None:
     """Two that send at each tick, a few per cent of what the medium carries: they do not meet."""
-    other = PROBE | {"id": "other", "place": {"east_m": 100.0}}
+    where = {"ua": "home", "ground": "place"}[kind]
+    other = {"id": 1, "kind": kind, where: {"east_m": 100.0}, "agent": {"type": "free"}}
     transmit = FLAT | {"phase_s": "drawn"}
     run = start_run(
         scenario=scenario([node(0, 0.0), PROBE, other], transmit=transmit, seed=1),
@@ -200,7 +202,7 @@ def test_packets_of_free_programs_enter_at_their_node_s_phase_and_are_decided_al
                 program.transmit("test", bytes(100))
 
     async def both() -> None:
-        await asyncio.gather(talk("probe"), talk("other"))
+        await asyncio.gather(talk("probe"), talk("1"))
 
     asyncio.run(both())
     assert run.finish() == 0, run.output.decode()
