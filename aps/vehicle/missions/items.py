@@ -35,6 +35,10 @@ NOT_GIVEN: Final = (1 << 31) - 1
 """INT32_MAX as MISSION_ITEM_INT's x or y: none is given (common.xml)."""
 _NONE_GIVEN: Final = frozenset({NOT_GIVEN, -(1 << 31)})
 """QGroundControl sends INT32_MIN for the NaN of its plans, and PX4 takes it likewise (PX4-Autopilot #28079)."""
+BY_COMMAND: Final = -1
+"""In place of a MAV_FRAME: the usual one for the command."""
+_RELATIVE: Final = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+_MISSION: Final = int(mavlink.MAV_FRAME_MISSION)
 _FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
 """What the four bytes of a parameter can hold."""
 
@@ -48,7 +52,8 @@ class MissionItem:
         params: its seven parameters, as the MAVLink guide numbers them from 1. Of commands with a position the fifth
             and sixth are latitude and longitude, degrees (metres in a local frame), the seventh is the height, m. NaN:
             not given.
-        frame: MAV_FRAME; 3 (GLOBAL_RELATIVE_ALT): heights count from home.
+        frame: MAV_FRAME; 3 (GLOBAL_RELATIVE_ALT): heights count from home. By itself 3 for commands with a position, 2
+            (MISSION) for those without, which PX4 takes in no other (mavlink_mission.cpp).
         autocontinue: whether the autopilot goes on by itself afterwards.
 
     Raises:
@@ -57,10 +62,12 @@ class MissionItem:
 
     command: int
     params: tuple[float, float, float, float, float, float, float]
-    frame: int = 3
+    frame: int = BY_COMMAND
     autocontinue: bool = True
 
     def __post_init__(self) -> None:
+        if self.frame == BY_COMMAND:
+            object.__setattr__(self, "frame", _RELATIVE if has_location(self.command) else _MISSION)
         if not 0 <= self.command <= 0xFFFF or not 0 <= self.frame <= 0xFF:
             raise ValueError(f"command {self.command} and frame {self.frame} must be in 0..65535 and 0..255")
         if len(self.params) != 7:
@@ -100,7 +107,7 @@ class MissionItem:
         return cls(
             _whole("MAV_CMD", item["command"]),
             tuple(_number(value) for value in params),  # type: ignore[arg-type]
-            _whole("MAV_FRAME", item.get("frame", 3)),
+            _whole("MAV_FRAME", item.get("frame", BY_COMMAND)),
             bool(item.get("autocontinue", True)),
         )
 

@@ -102,7 +102,12 @@ class _Transfer(Execution):
 
     def _refused(self, result: int) -> None:
         hint = " (another transfer is under way)" if result == _DENIED else ""
-        self.refuse(f"{enum_label('MAV_MISSION_RESULT', result).removeprefix('MAV_MISSION_')}{hint}")
+        label = enum_label("MAV_MISSION_RESULT", result).removeprefix("MAV_MISSION_")
+        self.refuse(f"{label}{hint}{self._place()}")
+
+    def _place(self) -> str:
+        """Where a transfer was when it was refused, if that says something."""
+        return ""
 
     def _begin(self, state: VehicleState, now_ns: int) -> None:
         raise NotImplementedError
@@ -217,6 +222,14 @@ class UploadExecution(_Transfer):
         self._repeats -= 1
         if self._all_sent and self._beginnings < MAX_BEGINNINGS:
             self._offer(now_ns)
+
+    def _place(self) -> str:
+        number = self._sent - self._first
+        if number < 1:
+            return ""
+        item = self._items[self._sent - 1]
+        command = enum_label("MAV_CMD", item.command).removeprefix("MAV_CMD_")
+        return f", after item {number} of {len(self._items) - self._first} ({command}, frame {item.frame})"
 
     def _progress(self) -> str:
         return f"{self._words}: {self._sent} of {len(self._items)} items sent"

@@ -8,10 +8,12 @@ import pytest
 from pymavlink import mavutil
 
 from aps.vehicle.execution import Outcome
+from aps.vehicle.missions.items import MissionItem
 from tests.interop.px4.px4_flight import away
 from tests.interop.px4.px4_vehicle import copter_with_daemon
 from tests.interop.served import CLIENTS, program
 
+WITHOUT_PLACE = ("DO_CHANGE_SPEED", "NAV_RETURN_TO_LAUNCH")
 pytestmark = [pytest.mark.px4, pytest.mark.slow, pytest.mark.timeout(300)]
 
 
@@ -31,6 +33,10 @@ async def test_px4_flies_by_every_verb(copter):
         assert result.reached, result
     assert copter.state.mode.startswith("AUTO.")
     assert copter.state.alt_rel_m == pytest.approx(10.0, abs=1.0)
+    items = [MissionItem.waypoint(*away(home, 20.0, 0.0), 12.0)]
+    items += [MissionItem.from_json({"command": name, "params": [0] * 7}) for name in WITHOUT_PLACE]
+    result = await commands.run("mission_upload", items)
+    assert result.reached, result
     result = await commands.goto(*away(home, 20.0, 0.0), 12.0, yaw_deg=90.0)
     assert result.reached, result
     before = copter.state.position_ned_m

@@ -117,11 +117,25 @@ def test_an_upload_whose_acknowledgement_alone_is_lost_is_reached(mav_autopilot,
     assert bench.now_ns < 1.3e9  # one time-out of 1 s
 
 
+@pytest.mark.parametrize(
+    ("command", "frame"),
+    [("NAV_WAYPOINT", 3), ("NAV_RETURN_TO_LAUNCH", 2), ("DO_CHANGE_SPEED", 2), ("NAV_LAND", 3)],
+)
+def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame):
+    """PX4 takes commands without a position in MAV_FRAME_MISSION alone, mavlink_mission.cpp."""
+    item = MissionItem.from_json({"command": command, "params": [0] * 7})
+    assert item.frame == MissionItem(item.command, item.params).frame == frame
+    assert MissionItem.from_json(item.to_json()) == item
+
+
+REFUSED_LAST = "ERROR, after item 3 of 3 (NAV_WAYPOINT, frame 3)"
+
+
 def test_an_error_to_an_item_that_came_in_time_is_a_refusal():
     bench = Bench()
     refuse_ends(bench)
     result = bench.run("mission_upload", ITEMS[:3])
-    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, REFUSED_LAST)
     assert len(bench.heard("MISSION_COUNT")) == 1
 
 
@@ -139,7 +153,7 @@ def test_a_refusal_that_is_lost_is_one_the_second_time():
     refuse_ends(bench)
     bench.autopilot.lost["MISSION_ACK"] = 1
     result = bench.run("mission_upload", ITEMS[:3])
-    assert (result.outcome, result.reason) == (Outcome.REFUSED, "ERROR")
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, REFUSED_LAST)
     assert len(bench.heard("MISSION_COUNT")) == 2
 
 
