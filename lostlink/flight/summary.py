@@ -16,6 +16,7 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.run.json_object import read_object, write_object
 from bridge.scenario.model import Scenario
 from lostlink.expectations.judge import Judgement, judge
+from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.verdict import UNJUDGED, verdict_of
 from lostlink.plan.held import held_back
 from lostlink.reading.air import NEEDED, NS_PER_S, of_networks
@@ -87,7 +88,11 @@ def summarise(
         "real_time_factor": timing.real_time_factor,
         **{key: ledger[key] for key in ("links", "bins", "refused")},
         "air": [account.plain for account in air],
-        "warnings": _air_warnings(scenario, air) + _warnings(scenario, reports),
+        "warnings": [
+            *_air_warnings(scenario, air),
+            *_warnings(scenario, reports),
+            *unknown_parameters(scenario, run),
+        ],
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
