@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         RunOver,
     )
     from bridge.agents.measurements import Measurement
+    from bridge.bus.messages.types import DataPackage
     from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
     from bridge.scenario.file import ScenarioError
@@ -33,6 +34,7 @@ __all__ = [
     "CommandInterrupted",
     "CommandRefused",
     "CommandTimedOut",
+    "DataPackage",
     "FleetError",
     "Measurement",
     "NoRun",
@@ -55,6 +57,7 @@ _PLACES = {
     "CommandInterrupted": "bridge.agents.commands",
     "CommandRefused": "bridge.agents.commands",
     "CommandTimedOut": "bridge.agents.commands",
+    "DataPackage": "bridge.bus.messages.types",
     "FleetError": "bridge.fleet.course",
     "Measurement": "bridge.agents.measurements",
     "NoRun": "lostlink.reading.run",

@@ -201,8 +201,10 @@ class Telemetry:
         if not self._on_earth(lat, lon):
             return
         values = self._values
-        values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
-        values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
+        knows_no_place = lat == lon == 0 and "home_lat_deg" not in values  # ArduPilot, before its filter has an origin
+        if not knows_no_place:
+            values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
+            values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
         if not self._has_local:
             values["velocity_ned_mps"] = (north_cmps * 0.01, east_cmps * 0.01, down_cmps * 0.01)
 

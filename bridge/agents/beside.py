@@ -334,4 +334,4 @@ async def connect_ua(
             raise
         finally:
             if is_sender:
-                ua.report("leaves")
+                ua.report("its program leaves")

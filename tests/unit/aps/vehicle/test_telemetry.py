@@ -282,6 +282,20 @@ def test_values_that_are_not_a_number_are_unknown(feed):
     assert feed.telemetry.decode_errors == 0
 
 
+def test_a_position_of_0_0_before_home_is_none(feed):
+    """ArduPilot's before its filter has an origin; with a home it is where Greenwich meets the equator."""
+
+    def at(lat, lon):
+        return feed(mavlink.MAVLink_global_position_int_message(1000, lat, lon, 30_000, 20_000, 0, 0, 0, 0))
+
+    assert math.isnan(at(0, 0).lat_deg)
+    assert math.isnan(at(0, 0).alt_rel_m)
+    assert at(0, 10).lon_deg == pytest.approx(1e-6)
+    feed(mavlink.MAVLink_home_position_message(0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
+    assert at(0, 0).lon_deg == 0.0
+    assert feed.telemetry.decode_errors == 0
+
+
 def test_home_that_is_not_on_earth_is_an_error(feed):
     message = mavlink.MAVLink_home_position_message(2_000_000_000, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
     assert math.isnan(feed(message).home_lat_deg)
