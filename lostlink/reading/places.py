@@ -23,15 +23,21 @@ def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[
 
     Returns:
         Sim times of the ticks, ns, rising, shape (ticks,), and by node its north-east-down place in the fleet's frame,
-        m, shape (ticks, 3), NaN where it has none.
+        m, shape (ticks, 3), NaN before its first. A tick without one is one at which its autopilot stood still, and
+        the aircraft with it: it is where it was.
 
     Raises:
         TableError, OSError: the true states are missing or damaged, or cannot be read.
     """
     truth = TrueStates.read(run, nodes, POSITION)
-    places = np.full((len(nodes), len(truth.ticks_ns), 3), np.nan)
-    places[truth.node, truth.tick] = truth.position_ned_m
-    return truth.ticks_ns, dict(zip(nodes, places, strict=True))
+    ticks = len(truth.ticks_ns)
+    places = np.full((len(nodes), 1 + ticks, 3), np.nan)
+    row = np.zeros((len(nodes), 1 + ticks), dtype=np.intp)
+    row[truth.node, truth.tick + 1] = truth.tick + 1
+    places[truth.node, truth.tick + 1] = truth.position_ned_m
+    latest = np.maximum.accumulate(row, axis=1)[:, 1:]
+    held = np.take_along_axis(places, latest[:, :, np.newaxis], axis=1)
+    return truth.ticks_ns, dict(zip(nodes, held, strict=True))
 
 
 def places_at(ticks_ns: NDArray[np.int64], track: Floats, at_ns: NDArray[np.int64]) -> Floats:

@@ -22,7 +22,7 @@ from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
 from lostlink.study.metrics import of_summary
-from tests.unit.bridge.record.runs import RunContent, make_run
+from tests.unit.bridge.record.runs import TICK_NS, RunContent, make_run
 
 FIRST, LOST_FROM, LOST_TO = 0, 5, 8
 """Of 20 ticks of 50 ms, UA 1 does not hear UA 0 at ticks 5, 6 and 7."""
@@ -130,6 +130,22 @@ def test_separation(tmp_path: Path) -> None:
     assert (farther.found, farther.passed, farther.wanted) == (1.0, False, "at least 0.5 m and at most 0.9 m")
     with pytest.raises(ScenarioError, match="give at_least_m, at_most_m or both"):
         judged(run, type="separation")
+
+
+def test_while_an_autopilot_stands_still_its_aircraft_is_where_it_was(tmp_path: Path) -> None:
+    """UA 1 has no truth from 0.25 s to 0.7 s, and is 1.2 m north then, which UA 0 comes near to at 1 m/s."""
+
+    def stall(made: RunContent) -> None:
+        stood = range(5 * TICK_NS, 15 * TICK_NS)
+        made.truths = [
+            each for each in made.truths if each.header.frame_id != "1" or each.header.stamp.ns not in stood
+        ]
+
+    run = make_run(tmp_path / "run", stall)
+    assert judged(run, type="separation", at_least_m=0.6).found == pytest.approx(0.5)
+    assert judged(run, type="separation", at_least_m=0.6, between_s=[0.3, 0.6]).found == pytest.approx(0.6)
+    place = {"node": 1, "north_m": 0.0, "east_m": 0.0, "within_m": 9.0}
+    assert judged(run, type="position", at=0.5, **place).found == pytest.approx(1.2)
 
 
 def test_what_never_was_on_the_air_counts_at_the_distance_at_which_it_was_sent(tmp_path: Path) -> None:
