@@ -62,7 +62,8 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         if as_mcap:
             say(_write_mcap(run, folder, mcap))
     except OSError as error:
-        fail(error if error.filename is not None else f"{folder}: {error}")  # a full disk has no name
+        is_placed = error.filename is not None or isinstance(error, BrokenPipeError)  # a full disk has no name
+        fail(error if is_placed else f"{folder}: {error}")
     except ValueError as error:
         fail(error)
 
