@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import signal
 import sys
@@ -10,11 +12,14 @@ from bridge.fleet.children.environment import of_runs
 from lostlink.flight.signals import ending_signals, heed_signals, hold_signals, leave_terminal
 
 FLYING = ("run", "refly")
+PLAIN = {"\u202f": " ", "\u2013": "-", "\u2019": "'", "\u2026": "..."}
+"""Of the characters that we print, those that not every terminal has."""
 
 
 def main() -> None:
     """Run the command. One that flies replaces the way it ends by its own, orderly one."""
     _open_what_is_closed()
+    _print_what_it_can()
     for number in ending_signals():
         signal.signal(number, _end)
     heed_signals()
@@ -36,6 +41,22 @@ def _open_what_is_closed() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+
+
+def _print_what_it_can() -> None:
+    """Have a terminal that lacks a character show it in others: a name must not end a command."""
+    codecs.register_error(__name__, _in_others)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors=__name__)
+
+
+def _in_others(error: UnicodeError) -> tuple[str, int]:
+    """Give what is printed in the place of characters that cannot be."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(PLAIN.get(each) or ascii(each)[1:-1] for each in text), error.end
 
 
 def _begin_anew() -> None:

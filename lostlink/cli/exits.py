@@ -10,7 +10,13 @@ from lostlink.flight.say import say
 
 
 def fail(text: object, status: int = UNUSABLE) -> NoReturn:
-    """Say what is wrong, each line with the command's name, and end."""
+    """Say what is wrong, each line with the command's name, and end.
+
+    Raises:
+        BrokenPipeError: it is what is wrong: nobody reads any more.
+    """
+    if isinstance(text, BrokenPipeError):
+        raise text
     tell(text)
     sys.exit(status)
 

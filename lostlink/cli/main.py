@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 from importlib import import_module, metadata
 
 import click
 
+from lostlink.flight.exits import OUTPUT_CLOSED
 from lostlink.flight.say import say
 
 COMMANDS = {
@@ -53,6 +55,15 @@ class LazyCommands(click.Group):
             return None
         command = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
         return command if isinstance(command, click.Command) else None
+
+    def invoke(self, ctx: click.Context) -> object:
+        """As click does it, but for the status if nobody reads what is printed: 1 would be that of a failure."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            for number in (1, 2):  # what is still to be written at the end comes to nothing
+                os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+            sys.exit(OUTPUT_CLOSED)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -100,9 +111,6 @@ def main() -> None:
     except click.ClickException as error:
         say(f"lostlink: {error.format_message()}", err=True)
         sys.exit(error.exit_code)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(141)
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise

@@ -5,12 +5,14 @@ Control characters are shown as `printable` gives them.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
 from aps.logs.printable import printable
+from lostlink.flight.exits import OUTPUT_CLOSED
 
 __all__ = ["plain_console"]
 
@@ -26,3 +28,9 @@ class _PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """As rich does it."""
         return super().render_str(printable(text), **options)
+
+    def on_broken_pipe(self) -> None:
+        """As rich does it, but for the status: 1 would say that something is other than it should be."""
+        with suppress(SystemExit):
+            super().on_broken_pipe()
+        raise SystemExit(OUTPUT_CLOSED)

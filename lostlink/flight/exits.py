@@ -12,6 +12,8 @@ UNUSABLE: Final = 2
 """What was asked for cannot be started or read."""
 UNEXPECTED: Final = 3
 """The record agrees with the model, but not with an expectation of the scenario."""
+OUTPUT_CLOSED: Final = 141
+"""Nobody read what was printed to its end: as a shell has it of a program that SIGPIPE ended."""
 
 
 class RunOutcome(StrEnum):

@@ -28,11 +28,13 @@ SPREAD_SENT_MIN = 20
 
 
 def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> tuple[Any, Any]:
-    """The model by distance; where a distance alone says too little, what it predicted for the places of each bin.
+    """The model by distance; where a distance alone says too little, what it predicted for the packets of each bin.
+
+    It says too little where the law asks for places, and where emitters or interferers stand somewhere.
 
     Args:
         bins: as `summary.json` has them; of those without a prediction there is no point.
-        radio: of all nodes.
+        radio: of all nodes; it knows the emitters that it hears.
         farthest_m: where the curve ends.
 
     Returns:
@@ -40,9 +42,14 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
     """
     distance_m = np.linspace(1.0, farthest_m, CURVE_POINTS)
     with suppress(OutsideValidityError):
-        if not getattr(radio.config.propagation, "needs_places", False):
+        if not radio.sources and not getattr(radio.config.propagation, "needs_places", False):
             return distance_m, radio.probability_of_delivery(distance_m)
-    points = sorted((_middle(row), row["predicted"]) for row in bins if row["predicted"] is not None)
+    sums: dict[float, tuple[float, int]] = {}
+    for row in bins:
+        if row["predicted"] is not None:
+            expected, sent = sums.get(_middle(row), (0.0, 0))
+            sums[_middle(row)] = expected + row["sent"] * row["predicted"], sent + row["sent"]
+    points = sorted((middle, expected / sent) for middle, (expected, sent) in sums.items())
     return [middle for middle, _ in points], [predicted for _, predicted in points]
 
 

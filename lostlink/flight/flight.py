@@ -28,6 +28,7 @@ from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import common_radio
+from bridge.scenario.resolve.sensing import emitters_of
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import UNUSABLE, status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
@@ -298,7 +299,9 @@ class Flight:
         if self.scenario.figure and ending not in UNJUDGED:
             self._begin("draws the figure")
             draw_probability_of_delivery(
-                summary, common_radio(self.scenario), self.directory.path / FIGURE_FILE
+                summary,
+                common_radio(self.scenario, emitters_of(self.scenario)),
+                self.directory.path / FIGURE_FILE,
             )
         if self.scenario.mcap.write:
             self._begin("writes run.mcap")

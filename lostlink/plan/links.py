@@ -67,6 +67,11 @@ def unlinked(scenario: Scenario, links: RadioLinks) -> Iterator[str]:
                 "for the others it is lost (no_peer)"
             )
         return
+    for node in links.alone:
+        if links.network == MAIN and node not in modems:
+            yield (
+                f"node {node}: radio main has no link with it ({told}): what it sends, and what is for it, is lost"
+            )
     stations = {node.node for node in scenario.transceivers if isinstance(node, GroundNode)} & modems.keys()
     link_of = {node: ids for ids in links.nodes.values() for node in ids}
     for node in modems:

@@ -16,6 +16,7 @@ from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, Transceiver
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
+from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
 from lostlink.plan.held import held_back
@@ -188,7 +189,13 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, more than mtu_bytes of its radio, "
                 f"{mtu}: none would be delivered"
             )
-        if not node.airtime_share:
+        medium = radios[node.node].config.medium
+        if isinstance(medium, TdmaMedium) and not medium.has_slot(node.node):
+            lines.append(
+                f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
+                "transmits would be delivered"
+            )
+        elif not node.airtime_share:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
                 f"{load.medium} has no room: none would be delivered"

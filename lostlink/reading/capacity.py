@@ -96,6 +96,10 @@ class Capacity:
         settings = self.settings
         return settings if isinstance(settings, TdmaMedium) and settings.is_by_node else None
 
+    def may_send(self, node: str) -> bool:
+        """Whether the medium gives a node any time: not one without a slot, where there are slots."""
+        return not isinstance(self.settings, TdmaMedium) or self.settings.has_slot(node)
+
     def packet_s(self, node: str, payload_bytes: int, priority: int | None = None) -> float:
         """The time that the network needs for a packet of a node: 0 if it has no room for it at all.
 
@@ -105,6 +109,8 @@ class Capacity:
             priority: of the packet, where only some slots take it; None: it may be any.
         """
         settings, radio = self.settings, self.radios[node]
+        if not self.may_send(node):
+            return 0.0
         bit_rate_bps = radio.config.bit_rate_bps
         if isinstance(settings, Ideal):  # a fixed length may be less than the payload's
             return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / bit_rate_bps

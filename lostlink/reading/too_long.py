@@ -16,6 +16,8 @@ from lostlink.reading.rows import DeliveryRows
 
 NO_ROOM: Final = FATES.index(Fate.TOO_LONG_FOR_A_SLOT.value)
 TRANSPORT: Final = FATES.index(Cause.TRANSPORT)
+SLOTTED: Final = "tdma"
+"""The medium on which room is that of a node's own slots."""
 NAMED_MAX: Final = 5
 """Nodes that have a sentence of their own."""
 
@@ -44,6 +46,11 @@ class TooLong:
         head = f"node {self.node}: {many} packets that it transmitted were longer than"
         longest = f"the longest has {self.longest_bytes} bytes"
         if self.mtu_bytes is None:
+            if medium == SLOTTED:
+                return (
+                    f"node {self.node}: {many} packets that it transmitted fit into no slot that it has, and were lost "
+                    f"(too_long_for_a_slot; {longest}): transmit less in a packet, or give it a slot with the room"
+                )
             return (
                 f"{head} the medium {medium} has room for, and were lost (too_long_for_a_slot; {longest}): "
                 "transmit less in a packet, or give the medium more room"

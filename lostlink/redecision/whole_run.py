@@ -7,6 +7,7 @@ from typing import Any
 
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.radio import common_radio
+from bridge.scenario.resolve.sensing import emitters_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.redecision.redecide import Redecision
@@ -24,5 +25,6 @@ def write_whole_run(
     summary = summarise(result.scenario, made, timing, ending, unfinished, error=was.get("error"))
     summary |= {"redecided_from": str(result.run.resolve())}
     write_summary(summary, made)
-    draw_probability_of_delivery(summary, common_radio(result.scenario), made.path / FIGURE_FILE)
+    radio = common_radio(result.scenario, emitters_of(result.scenario))
+    draw_probability_of_delivery(summary, radio, made.path / FIGURE_FILE)
     return summary

@@ -14,7 +14,8 @@ from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import draws_are_shared
-from bridge.scenario.resolve.radio import radio_of
+from bridge.scenario.resolve.radio import common_radio
+from bridge.scenario.resolve.sensing import emitters_of
 from channel.checks import ChannelInputError
 from channel.validity import OutsideValidityError
 from lostlink.compare.summary import mistakes_in_summary
@@ -125,11 +126,12 @@ def radio_name(scenario: Scenario) -> str:
 
 def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
     """The model's curve over distance, if all nodes have one radio and it can be had here; else None."""
-    if not bins or scenario.networks or any(getattr(n, "radio", None) is not None for n in scenario.nodes):
-        return None
-    farthest_m = max(row["distance_max_m"] for row in bins)
+    farthest_m = max((row["distance_max_m"] for row in bins), default=0.0)
     with suppress(ValueError, OSError, ChannelInputError, OutsideValidityError):
-        distance_m, probability = model_curve(bins, radio_of(scenario), farthest_m)
+        radio = common_radio(scenario, emitters_of(scenario))
+        if radio is None or not bins:
+            return None
+        distance_m, probability = model_curve(bins, radio, farthest_m)
         return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}
     return None
 

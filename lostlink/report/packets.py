@@ -99,7 +99,7 @@ def period_of(end_ns: int) -> int:
 def ages_of(times: Sequence[LinkTimes], nodes: Sequence[str], end_ns: int) -> dict[str, Any]:
     """The greatest age in each period: of each link, or of many the median and the greatest of all.
 
-    ``period_s``, ``sim_time_s`` (begins) and ``series[]`` of ``name`` and ``age_s``.
+    ``period_s``, ``sim_time_s`` (begins), ``end_s`` (of the last) and ``series[]`` of ``name`` and ``age_s``.
     """
     period_ns = period_of(end_ns)
     edges = np.arange(0, end_ns + period_ns, period_ns, dtype=np.int64)
@@ -118,6 +118,7 @@ def ages_of(times: Sequence[LinkTimes], nodes: Sequence[str], end_ns: int) -> di
     return {
         "period_s": period_ns / 1e9,
         "sim_time_s": edges[:-1] / 1e9,
+        "end_s": end_ns / 1e9,
         "series": [{"name": name, "age_s": values} for name, values in told],
     }
 

@@ -102,12 +102,16 @@ def _by_distance(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def settings_of(runs: Sequence[Run]) -> dict[str, list[Any]]:
     """Keys of the scenarios, dotted, with a value per run: those that are not the same in all.
 
-    Of nodes that are not in all runs there is one row: how many nodes each run has.
+    Of nodes that are not in all runs there is one row: how many nodes each run has; or, where runs have as many and
+    others, which (``nodes.id``).
     """
     flat = [_settings(run) for run in runs]
-    common = set.intersection(*({node.node for node in run.scenario.nodes} for run in runs))
+    ids = [tuple(node.node for node in run.scenario.nodes) for run in runs]
+    common = set(ids[0]).intersection(*ids)
     keys = [key for key in dict.fromkeys(key for each in flat for key in each) if _is_told(key, common)]
-    values: dict[str, list[Any]] = {"nodes": [len(run.scenario.nodes) for run in runs]}
+    values: dict[str, list[Any]] = {"nodes": [len(each) for each in ids]}
+    if len(set(map(frozenset, ids))) > len(set(map(len, ids))):
+        values["nodes.id"] = [", ".join(node for node in each if node not in common) for each in ids]
     values |= {key: [each.get(key) for each in flat] for key in keys}
     return {key: each for key, each in values.items() if any(value != each[0] for value in each)}
 

@@ -209,12 +209,14 @@ class Model:
         # scipy takes its time, and few look at this chart
         from bridge.scenario.resolve.channel import draws_are_shared
         from bridge.scenario.resolve.radio import common_radio
+        from bridge.scenario.resolve.sensing import emitters_of
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
-        shared, radio = draws_are_shared(self._scenario), common_radio(self._scenario)
+        radio = common_radio(self._scenario, emitters_of(self._scenario))
+        shared = draws_are_shared(self._scenario)
         if radio is not None:
             with suppress(OutsideValidityError):
-                if not getattr(radio.config.propagation, "needs_places", False):
+                if not radio.sources and not getattr(radio.config.propagation, "needs_places", False):
                     return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
         return ModelCurve(np.empty(0), np.empty(0), shared)

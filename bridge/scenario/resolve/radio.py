@@ -27,14 +27,14 @@ def radio_of(scenario: Scenario) -> Radio:
     return radio_from(scenario.radio, scenario.origin)
 
 
-def common_radio(scenario: Scenario) -> Radio | None:
-    """The radio of all packets; None if there are several: one curve is not that of several radios.
+def common_radio(scenario: Scenario, emitters: Sequence[Emitter] = ()) -> Radio | None:
+    """The radio of all packets, which hears ``emitters``; None if there are several: they have no curve in common.
 
     Raises:
         PresetError: as `radio_of`.
     """
     has_several = scenario.networks or any(node.radio is not None for node in scenario.transceivers)
-    return None if has_several else radio_of(scenario)
+    return None if has_several else radio_from(scenario.radio, scenario.origin, emitters)
 
 
 def config_of(setting: str | dict[str, Any]) -> RadioConfig:

@@ -49,6 +49,10 @@ class TdmaMedium(Serial):
         slot_ns = round((self.slot_s or 0.0) * NS_PER_S)
         return Schedule.equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
 
+    def has_slot(self, node: str) -> bool:
+        """Whether a node, by its id, has a slot; one without only listens."""
+        return any(node in slot.nodes for slot in self._by_id((node,)).slots)
+
     def channels_used(self) -> frozenset[int]:
         """Those of its slots, too."""
         of_slots = self._by_id(()).channels if self.schedule is not None else frozenset()

@@ -62,7 +62,8 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         if as_mcap:
             say(_write_mcap(run, folder, mcap))
     except OSError as error:
-        fail(error if error.filename is not None else f"{folder}: {error}")  # a full disk has no name
+        is_clear = isinstance(error, BrokenPipeError) or error.filename is not None
+        fail(error if is_clear else f"{folder}: {error}")  # a full disk has no name
     except ValueError as error:
         fail(error)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lostlink.report.pictures.theme import FAINT, SERIES, figure_of, logarithmic, svg_of, themed
+from lostlink.report.pictures.theme import FAINT, SERIES, figure_of, legend_above, logarithmic, svg_of, themed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def draw_air_use(air: dict[str, Any]) -> str:
             logarithmic(axes)
         else:
             axes.set_ylim(bottom=0)
-        axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes, 4)
         return svg_of(
             figure, "air-use", f"Shares of the time over sim time: {', '.join(n for n, _, _ in lines)}."
         )
@@ -48,7 +48,7 @@ def draw_air_delay(air: dict[str, Any]) -> str:
                 _step(axes, air, values, color, f"{name}, {told}", style)
         axes.set(xlabel="sim time, s", ylabel="time, s", xlim=(0, air["end_s"]))
         logarithmic(axes)
-        axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes, 4)
         return svg_of(figure, "air-delay", "Waits and delays of packets over sim time: medians and 95 %.")
 
 

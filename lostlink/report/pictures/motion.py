@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lostlink.report.pictures.theme import FAINT, INK, SERIES, figure_of, svg_of, themed
+from lostlink.report.pictures.theme import (
+    FAINT,
+    INK,
+    SERIES,
+    figure_of,
+    legend_above,
+    short,
+    svg_of,
+    themed,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +37,7 @@ def draw_map(content: dict[str, Any]) -> str:
                 color, flying = SERIES[flying % len(SERIES)], flying + 1
             _draw_way(axes, track, color, titles[track["id"]], is_one_of_many=len(titles) > LEGEND_MAX)
         if len(titles) <= LEGEND_MAX:
-            axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+            legend_above(axes)
         elif len(titles) <= NAMES_MAX:
             _name_ends(axes, content["tracks"])
         axes.plot(0.0, 0.0, "+", color=FAINT, markersize=10)
@@ -48,7 +57,7 @@ def _draw_way(axes: Axes, track: dict[str, Any], color: str, title: str, *, is_o
 def _name_ends(axes: Axes, tracks: list[dict[str, Any]]) -> None:
     for track in tracks:
         end = (track["east_m"][-1], track["north_m"][-1])
-        axes.annotate(track["id"], end, xytext=(5, 4), textcoords="offset points", fontsize=9)
+        axes.annotate(short(track["id"]), end, xytext=(5, 4), textcoords="offset points", fontsize=9)
 
 
 def draw_heights(content: dict[str, Any]) -> str:
@@ -59,10 +68,11 @@ def draw_heights(content: dict[str, Any]) -> str:
         figure, axes = figure_of()
         for place, track in enumerate(flying):
             line: dict[str, Any] = {"color": SERIES[place % len(SERIES)], "linestyle": ("-", "--")[place % 2]}
+            line["marker"] = "o" if len(track["sim_time_s"]) == 1 else None
             axes.plot(track["sim_time_s"], track["height_m"], label=titles[track["id"]], **line)
         axes.set(xlabel="sim time, s", ylabel="height above the origin, m")
         if 1 < len(flying) <= LEGEND_MAX:
-            axes.legend(ncols=min(5, len(flying)), loc="lower center", bbox_to_anchor=(0.5, 1.0))
+            legend_above(axes)
         return svg_of(
             figure, "heights", f"Height over time of {len(flying)} UA; the table has the lowest and highest."
         )

@@ -8,7 +8,18 @@ import numpy as np
 
 from lostlink.flight.figure import draw_measured
 from lostlink.flight.summary import of_transmissions, shares_draws
-from lostlink.report.pictures.theme import FAINT, GOOD, LOSSES, SERIES, figure_of, logarithmic, svg_of, themed
+from lostlink.report.pictures.theme import (
+    FAINT,
+    GOOD,
+    LOSSES,
+    SERIES,
+    figure_of,
+    legend_above,
+    logarithmic,
+    short,
+    svg_of,
+    themed,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +28,9 @@ if TYPE_CHECKING:
 NUMBERS_MAX = 12
 """Matrices of more nodes have no numbers in their cells."""
 TICKS_MAX = 17
+RUN_NAME_MAX = 80
+LABEL_MAX = 12
+"""Characters of a node's id beside a matrix."""
 DARK_BELOW = 0.55
 """Below this share of the colour scale numbers in cells are white."""
 
@@ -40,7 +54,7 @@ def draw_delivery(content: dict[str, Any]) -> str:
         axes.set(
             xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m)
         )
-        axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes)
         return svg_of(figure, "delivery", told_of_delivery(content))
 
 
@@ -117,21 +131,22 @@ def draw_losses(content: dict[str, Any]) -> str:
             base = top
         axes.set(xlabel="sim time, s", ylabel=f"packets per {losses['period_s']:g} s", xlim=(0, at_s[-1]))
         axes.set_ylim(bottom=0)
-        axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes, 4)
         return svg_of(figure, "losses", f"Packets over time: {', '.join(name for name, _, _ in parts)}.")
 
 
 def draw_ages(content: dict[str, Any]) -> str:
     """The greatest age of information in each period."""
     ages = content["ages"]
+    at_s = [*ages["sim_time_s"], ages["end_s"]]
     with themed():
         figure, axes = figure_of()
         for series in ages["series"]:
             values = [np.nan if value is None else value for value in series["age_s"]]
-            axes.step(ages["sim_time_s"], values, where="post", label=series["name"])
+            axes.step(at_s, [*values, values[-1]], where="post", label=series["name"])
         axes.set(xlabel="sim time, s", ylabel="age of information, s")
         logarithmic(axes)
-        axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes, 4)
         return svg_of(
             figure, "ages", "Age of the newest packet received, over time; its greatest values per period."
         )
@@ -173,8 +188,8 @@ def draw_matrix(content: dict[str, Any], key: str, title: str, *, share: bool) -
 def _label(axes: Axes, ids: list[str]) -> None:
     every = -(-len(ids) // TICKS_MAX)
     at = list(range(0, len(ids), every))
-    names = [ids[i] for i in at]
-    turned = 90 if max(map(len, names)) > 3 and len(ids) > 4 else 0
+    names = [short(ids[i], LABEL_MAX) for i in at]
+    turned = 90 if max(map(len, names)) * len(ids) > 4 * 3 else 0
     axes.set_xticks(at, names, rotation=turned)
     axes.set_yticks(at, names)
     axes.set(xlabel="to", ylabel="from")
@@ -218,7 +233,7 @@ def draw_comparison(columns: list[dict[str, Any]]) -> str:
             )
         axes.set(xlabel="distance, m", ylabel="measured delivery", ylim=(-0.03, 1.03))
         axes.set_xlim(left=0)
-        axes.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        legend_above(axes, 2, RUN_NAME_MAX)
         names = ", ".join(column["name"] for column in columns)
         return svg_of(
             figure, "comparison", f"Measured delivery over distance, all links together, of {names}."

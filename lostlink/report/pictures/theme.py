@@ -17,6 +17,13 @@ FAINT: Final = "#040506"
 SERIES: Final = tuple(f"#0a0b{i:02d}" for i in range(8))
 GOOD: Final = "#0c0d01"
 LOSSES: Final = tuple(f"#0c0d{i:02d}" for i in range(10, 18))
+NAME_MAX: Final = 24
+"""Characters of a name in a picture; the tables have all."""
+WIDTH_IN: Final = 8.0
+"""Of a picture."""
+ENTRY_IN: Final = 0.6
+CHARACTER_IN: Final = 0.08
+"""Of a legend: what an entry takes beside its name, and a character on average."""
 _VARIABLES: Final = {
     INK: "--ink",
     FAINT: "--faint",
@@ -63,7 +70,7 @@ def themed() -> Iterator[None]:
         yield
 
 
-def figure_of(width_in: float = 8.0, height_in: float = 3.6) -> tuple[Figure, Axes]:
+def figure_of(width_in: float = WIDTH_IN, height_in: float = 3.6) -> tuple[Figure, Axes]:
     """An empty figure with axes, without pyplot, whose backend belongs to whoever calls us."""
     from matplotlib.figure import Figure
 
@@ -79,6 +86,24 @@ def logarithmic(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def short(text: str, most: int = NAME_MAX) -> str:
+    """A name, or several with spaces between them, each of at most so many characters, as text for a picture."""
+    words = (
+        each if len(each) <= most else f"{each[: most // 2]}\u2026{each[-(most // 2) + 1 :]}"
+        for each in text.split(" ")
+    )
+    return " ".join(words).replace("$", r"\$")  # no formula
+
+
+def legend_above(axes: Axes, columns_max: int = 5, name_max: int = NAME_MAX) -> None:
+    """A legend above the axes, of as many columns as its longest name, made `short`, leaves room for."""
+    handles, labels = axes.get_legend_handles_labels()
+    names = [short(label, name_max) for label in labels]
+    entry_in = ENTRY_IN + CHARACTER_IN * max(map(len, names), default=0)
+    columns = max(1, min(columns_max, int(WIDTH_IN / entry_in)))
+    axes.legend(handles, names, ncols=columns, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
 def svg_of(figure: Figure, name: str, told: str) -> str:

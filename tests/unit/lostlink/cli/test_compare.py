@@ -28,6 +28,14 @@ def test_identical_runs(tmp_path: Path) -> None:
     )
 
 
+def test_runs_may_be_named_as_they_are_in_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b"):
+        make_run(tmp_path / "runs" / name)
+    monkeypatch.chdir(tmp_path)
+    done = run("a", "b")
+    assert (done.exit_code, done.output.split(":")[0]) == (0, "identical")
+
+
 def test_first_difference_with_both_values(tmp_path: Path) -> None:
     b = make_run(tmp_path / "b", lambda run: run.change_row(7, fate="burst"))
     done = run(make_run(tmp_path / "a"), b)

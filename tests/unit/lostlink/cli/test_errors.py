@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from lostlink.cli.main import main
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 
 @pytest.mark.parametrize(
@@ -40,3 +44,29 @@ def test_help_ends_well(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         main()
     assert ended.value.code in (0, None)
     assert "check" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments", [("judge",), ("compare", "--metrics"), ("report",), ("export", "--csv")]
+)
+def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str, ...], tmp_path: Path):
+    run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")))
+    reads, writes = os.pipe()
+    os.close(reads)
+    command = [sys.executable, "-m", "lostlink", *arguments, str(run)]
+    ended = subprocess.run(command, stdout=writes, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writes)
+    told = [line for line in ended.stderr.splitlines() if not line.startswith("report: ")]
+    assert (ended.returncode, told) == (141, [])
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_characters_that_a_terminal_has_not_end_no_command(encoding: str, tmp_path: Path):
+    extra = "expectations: [{type: ending, ending: done, name: 'n\u00e4her \u20ac'}]\n"
+    run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1"), extra=extra))
+    environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+    for arguments, says in ((["judge"], "her "), (["compare", "--metrics"], "| digest")):
+        command = [sys.executable, "-m", "lostlink", *arguments, str(run)]
+        ended = subprocess.run(command, capture_output=True, env=environment, check=False)
+        assert b"Traceback" not in ended.stderr
+        assert says in ended.stdout.decode(encoding, errors="replace")

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from channel.link.radio import Radio
-from channel.presets import load_radio
-from lostlink.flight.figure import LINKS_MAX, draw_probability_of_delivery
+from channel.presets import load_radio, radio_from_mapping
+from lostlink.flight.figure import CURVE_POINTS, LINKS_MAX, draw_probability_of_delivery, model_curve
 
 
 def summary_of(nodes: int, sent: int = 40) -> dict[str, Any]:
@@ -79,6 +79,19 @@ def test_many_links_are_drawn_as_their_mean_and_their_spread(drawn: list[Figure]
     points = axes.containers[0].lines[0]  # type: ignore[attr-defined]
     assert points.get_ydata().tolist() == pytest.approx([1 - 1.5 / 40] * 2)
     assert points.get_xdata().tolist() == [10.0, 310.0]
+
+
+def test_beside_an_interferer_the_model_is_what_it_predicted_for_the_packets_of_a_bin() -> None:
+    place = {"position_ned_m": [0.0, 50.0, -10.0], "power_dbm": 20.0}
+    config = {"preset": "telemetry-915", "interference": {"interferers": [place]}}
+    bins = summary_of(2)["bins"]
+    for number, row in enumerate(bins):
+        row |= {"predicted": 0.25 * number, "sent": 10 * (number + 1)}
+    quiet, disturbed = Radio(load_radio("telemetry-915")), Radio(radio_from_mapping(config))
+    assert len(model_curve(bins, quiet, 320.0)[0]) == CURVE_POINTS
+    distance_m, predicted = model_curve(bins, disturbed, 320.0)
+    assert distance_m == [10.0, 310.0]
+    assert predicted == pytest.approx([(10 * 0.0 + 30 * 0.5) / 40, (20 * 0.25 + 40 * 0.75) / 60])
 
 
 @pytest.mark.parametrize(

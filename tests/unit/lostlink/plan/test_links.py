@@ -129,3 +129,18 @@ def test_as_json(tmp_path: Path) -> None:
             "alone": [],
         }
     ]
+
+
+def test_a_node_beside_a_pair_with_modems_is_told_that_it_has_no_link() -> None:
+    text = (
+        TEXT.replace("networks: {telemetry: NETWORK}\n", "")
+        .replace("RADIO", "sik-433")
+        .replace("count: 3", "count: 2")
+    )
+    nodes = text.replace("modems: {telemetry: {}}, ", "").replace(
+        "kind: ground,", "kind: ground, modems: {main: {}},"
+    )
+    nodes += "  - {id: 7, modems: {main: {}}, agent: {type: still}}\n"
+    nodes = nodes.replace("radio: sik-433", 'radio: {preset: sik-433, medium: {pairs: [[gcs, "7"]]}}')
+    warnings = plan_of(parse_scenario(nodes, "beside.yaml", Path("/somewhere"))).warnings
+    assert [line.split(":")[0] for line in warnings if "no link with it" in line] == ["node 0", "node 1"]

@@ -489,6 +489,22 @@ def test_nodes_that_an_emitter_holds_back_are_told_with_what_they_take_in() -> N
     assert ", mast (" in line
 
 
+@pytest.mark.parametrize(
+    "slots", ["slot_s: 0.1, slots: ['0']", "schedule: {slots: [{nodes: 0, duration_s: 0.1}]}"]
+)
+def test_a_node_without_a_slot_is_told_before_it_transmits(slots: str) -> None:
+    plan = plan_with(
+        f"radio={{preset: telemetry-915, medium: {{model: tdma, {slots}}}}}", "transmit.every_ticks=20"
+    )
+    shares = {node["node"]: node["airtime_share"] for node in plan["load"]["nodes"]}
+    assert shares["0"] > 0.0
+    assert shares["1"] == 0.0
+    told = [line for line in plan["warnings"] if "slot" in line]
+    assert told == [
+        "node 1: it has no slot of the medium tdma, and only listens: nothing that it transmits would be delivered"
+    ]
+
+
 @pytest.mark.parametrize(("carrier", "heard"), [("2.437e9", True), ("2.446e9", True), ("5.8e9", False)])
 def test_an_emitter_that_nothing_hears_is_warned_of(carrier: str, heard: bool) -> None:
     text = JAMMED.replace("PROPAGATION", "{model: free-space}").replace("2.437e9", carrier)

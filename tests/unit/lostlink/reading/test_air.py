@@ -286,8 +286,8 @@ def test_packets_that_are_too_long_are_warned_of_with_what_to_do() -> None:
     assert account.warnings == [
         "node 0: all 2 packets that it transmitted were longer than the 200 bytes that its radio takes (mtu_bytes), "
         "and were lost (too_long; the longest has 300 bytes): transmit less in a packet, or raise mtu_bytes",
-        "node 1: 1 of 4 packets that it transmitted were longer than the medium tdma has room for, and were lost "
-        "(too_long_for_a_slot; the longest has 100 bytes): transmit less in a packet, or give the medium more room",
+        "node 1: 1 of 4 packets that it transmitted fit into no slot that it has, and were lost (too_long_for_a_slot; "
+        "the longest has 100 bytes): transmit less in a packet, or give it a slot with the room",
     ]
     assert account.remark == "medium tdma, 3 of 6 packets of 2 nodes too long"
     json.dumps(account.plain)
@@ -319,3 +319,9 @@ def test_a_network_without_packets_has_an_account() -> None:
 )
 def test_bit_rates_in_words(bits_per_s: float, text: str) -> None:
     assert rate_text(bits_per_s) == text
+
+
+def test_a_node_without_a_slot_takes_none_of_the_time() -> None:
+    of_two = capacity('{preset: telemetry-915, medium: {model: tdma, slot_s: 0.05, slots: ["0", "1"]}}')
+    assert of_two.packet_s("0", 100) > 0.0
+    assert of_two.packet_s("2", 100) == 0.0

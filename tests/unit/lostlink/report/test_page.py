@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
-from lostlink.flight.figure import draw_measured
+from lostlink.flight.figure import CURVE_POINTS, draw_measured
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
-from lostlink.report.content import content_of
+from lostlink.report.content import _model, content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.pictures.all import draw_all
 from lostlink.report.pictures.radio import draw_ages, told_of_delivery
@@ -245,7 +245,7 @@ def test_intervals_are_told_of_where_there_are_some(content: dict[str, Any]) -> 
 
 
 def test_ages_of_less_than_a_decade_have_ticks_in_plain_numbers(content: dict[str, Any]) -> None:
-    at_s = {"sim_time_s": [0.0, 1.0], "series": [{"name": "0 to 1", "age_s": [0.1, 0.3]}]}
+    at_s = {"sim_time_s": [0.0, 1.0], "end_s": 2.0, "series": [{"name": "0 to 1", "age_s": [0.1, 0.3]}]}
     texts = re.findall(r">([^<>]+)</text>", draw_ages({"ages": at_s}))
     assert {"0.1", "0.2"} <= set(texts)
     assert not any("10^" in text for text in texts)
@@ -259,3 +259,37 @@ def test_a_run_that_ended_at_once_has_a_page_whose_routing_is_of_no_time(tmp_pat
     write_summary(summarise(scenario, RunDirectory(path), Timing(0.0, 1.0), "failed"), RunDirectory(path))
     text = page_of(content_of(load_run(path)), {})
     assert re.search(r"both on the air</th><td[^>]*>[\d.]+ s</td>", text)
+
+
+@pytest.mark.filterwarnings("error")
+def test_names_that_are_long_are_shortened_in_pictures(tmp_path: Path) -> None:
+    """Whole ones pushed the axes out of the picture, or were cut off at its edge."""
+    long = "a_very_long_identifier_of_a_ground_station-with.dots_and-dashes1"
+    path = flown(tmp_path / "run", scenario_of("moon2020", ("0", "1", long)), ticks=20)
+    drawn = draw_all(content_of(load_run(path)))
+    for name in ("map", "delivery", "matrix", "age_matrix", "ages"):
+        texts = re.findall(r">([^<>]+)</text>", drawn[name])
+        assert any("\u2026" in text for text in texts), name
+        assert not any(long in text for text in texts), name
+
+
+def test_the_ages_of_one_period_are_drawn(tmp_path: Path) -> None:
+    path = flown(tmp_path / "run", scenario_of("moon2020", ("0", "1")), ticks=2)
+    content = content_of(load_run(path))
+    ages = content["ages"]
+    assert (ages["sim_time_s"], ages["end_s"]) == ([0.0], 0.05)
+    lines = re.findall(
+        r'<path d="M ([^"]*)" [^>]*style="fill: none; stroke: var\(--series', draw_ages(content)
+    )
+    across = [line.split() for line in lines if len(set(line.split("L"))) > 1]
+    assert len(across) >= len(ages["series"])
+
+
+def test_beside_an_emitter_that_is_heard_the_curve_is_what_was_predicted() -> None:
+    bins = [{"distance_min_m": 40.0, "distance_max_m": 60.0, "sent": 4, "predicted": 0.25}]
+    alone = _model(scenario_of("sik-433", ("0", "1")), bins)
+    beside = _model(scenario_of("sik-433", ("0", "1"), emitters=("jam",)), bins)
+    assert alone is not None
+    assert len(alone["distance_m"]) == CURVE_POINTS
+    assert beside is not None
+    assert (beside["distance_m"].tolist(), beside["probability_of_delivery"].tolist()) == ([50.0], [0.25])

@@ -125,3 +125,10 @@ def test_mistakes_have_status_2(runs: list[Path], tmp_path: Path):
     assert "give another one" in run(runs[0]).output
     for done in (run(runs[0]), run(), run(*runs, tmp_path / "nowhere")):
         assert done.exit_code == 2
+
+
+def test_runs_with_as_many_nodes_and_others_differ(tmp_path: Path):
+    paths = [made(tmp_path / name, nodes=("0", name)) for name in ("1", "5")]
+    settings = side_by_side([load_run(path) for path in paths])["settings"]
+    assert settings == {"nodes.id": ["1", "5"]}
+    assert "The scenarios differ" in run(*paths).stdout
