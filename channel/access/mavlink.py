@@ -5,7 +5,6 @@ Only the head of a frame is looked at (mavlink.io/en/guide/serialization.html); 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from channel.access.packets import Handling
@@ -47,13 +46,14 @@ def _class_of(message: int) -> int:
     return URGENT if message in URGENT_IDS else ORDERLY if message in ORDERLY_IDS else TELEMETRY
 
 
-def _messages(payload: bytes) -> Iterator[int]:
-    """Numbers of the messages whose frames follow each other from the start."""
-    place = 0
-    while place < len(payload) and payload[place] in _HEAD_BYTES:
+def _messages(payload: bytes) -> list[int]:
+    """Numbers of the messages of which a payload consists; none, if there is anything else in it."""
+    place, found = 0, []
+    while place < len(payload):
         magic, head = payload[place], payload[place : place + 10]
-        if len(head) < _HEAD_BYTES[magic]:
-            return
-        yield head[5] if magic == V1 else int.from_bytes(head[7:10], "little")
+        if magic not in _HEAD_BYTES or len(head) < _HEAD_BYTES[magic]:
+            return []
+        found.append(head[5] if magic == V1 else int.from_bytes(head[7:10], "little"))
         signature = _SIGNATURE_BYTES if magic == V2 and head[2] & _SIGNED else 0
         place += _OVERHEAD_BYTES[magic] + head[1] + signature
+    return found if place == len(payload) else []

@@ -95,6 +95,11 @@ class AirPacket:
         """Whether a layer above routing sent it, with headers of its own, as IP does; else it is routing's own."""
         return True
 
+    @property
+    def order(self) -> int:
+        """Of two packets of one sender and key the newer one has the higher."""
+        return self.number
+
     def is_for(self, node: int) -> bool:
         """Whether a node is to have it; of others that hear it there is no fate."""
         if self.to is not None:

@@ -54,12 +54,14 @@ class TransmitQueue:
         return self._bytes
 
     def put(self, packet: AirPacket, now_ns: int, beside_bytes: int = 0) -> list[tuple[AirPacket, Loss]]:
-        """Take a packet; returns what is lost: those that have expired, an older one of its key, or itself.
+        """Take a packet; returns what is lost: those that have expired, the older one of its key, or itself.
 
         Bytes that wait beside the queue, of a packet that was taken and is not sent in full, count for its limit.
         """
         lost = [(one, Loss.EXPIRED) for one in self._drop_expired(now_ns)]
         old = self._with_key(packet.key)
+        if old is not None and old.order > packet.order:
+            return [*lost, (packet, Loss.REPLACED)]
         if not self._has_room(packet, old, beside_bytes):
             return [*lost, (packet, Loss.QUEUE_FULL)]
         if old is None:
@@ -74,7 +76,7 @@ class TransmitQueue:
             self._classes.setdefault(packet.priority, deque()).append(packet)
         self._packets += 1
         self._bytes += packet.length_bytes
-        self._none_expires_ns = min(self._none_expires_ns, _expires_ns(packet))
+        self._none_expires_ns = min(self._none_expires_ns, expires_ns(packet))
         return lost if old is None else [*lost, (old, Loss.REPLACED)]
 
     def take(self, now_ns: int, priority: int | None = None) -> tuple[AirPacket | None, list[AirPacket]]:
@@ -99,10 +101,10 @@ class TransmitQueue:
         if now_ns <= self._none_expires_ns:
             return []
         waiting = [packet for packets in self._classes.values() for packet in packets]
-        expired = [packet for packet in waiting if _expires_ns(packet) < now_ns]
+        expired = [packet for packet in waiting if expires_ns(packet) < now_ns]
         for packet in expired:
             self._remove(packet)
-        left = (_expires_ns(packet) for packets in self._classes.values() for packet in packets)
+        left = (expires_ns(packet) for packets in self._classes.values() for packet in packets)
         self._none_expires_ns = min(left, default=NEVER)
         return expired
 
@@ -138,6 +140,6 @@ class TransmitQueue:
         self._bytes -= packet.length_bytes
 
 
-def _expires_ns(packet: AirPacket) -> float:
+def expires_ns(packet: AirPacket) -> float:
     """The last instant at which it may leave."""
     return NEVER if packet.lifetime_ns is None else packet.at_ns + packet.lifetime_ns

@@ -55,6 +55,7 @@ MAC_HEADER_BYTES, FCS_BYTES, LLC_BYTES = 24, 4, 8
 ACK_BYTES, CTS_BYTES, RTS_BYTES = 14, 14, 20
 """IEEE 802.11-2020, 9.3: a data frame with three addresses, LLC and SNAP in its body; control frames with FCS."""
 
+OFDM_MBPS = 6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0
 LOWEST_B_MBPS, LOWEST_OFDM_MBPS = 1.0, 6.0
 SHORT_FROM_MBPS = 2.0
 """IEEE 802.11-2020, 16.2.2.3: the body of a frame with the short preamble is at 2 Mb/s or more."""
@@ -129,7 +130,7 @@ class Wifi:
 
 def wifi_b(rate_mbps: float = 11.0, basic_rate_mbps: float = 1.0, *, short_preamble: bool = False) -> Wifi:
     """802.11b."""
-    _known("802.11b", rate_mbps, (1.0, 2.0, 5.5, 11.0))
+    _known("802.11b", rate_mbps, basic_rate_mbps, (1.0, 2.0, 5.5, 11.0))
     return Wifi(
         rate_mbps,
         basic_rate_mbps,
@@ -151,7 +152,7 @@ def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float
         basic_rate_mbps: likewise.
         clock: of the symbols, 1 at 20 MHz.
     """
-    _known("802.11a", rate_mbps, (6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0))
+    _known("802.11a", rate_mbps, basic_rate_mbps, OFDM_MBPS)
     scaled = {1.0: (9, 16), 0.5: (13, 32), 0.25: (21, 64)}
     if clock not in scaled:
         raise ValueError(f"clock {clock:g}: 1, 0.5 or 0.25")
@@ -171,7 +172,7 @@ def wifi_a(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0, *, clock: float
 
 def wifi_g(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0) -> Wifi:
     """802.11g alone (no 802.11b about): as 802.11a, with a SIFS of 10 us and a signal extension of 6 us."""
-    _known("802.11g", rate_mbps, (6.0, 9.0, 12.0, 18.0, 24.0, 36.0, 48.0, 54.0))
+    _known("802.11g", rate_mbps, basic_rate_mbps, OFDM_MBPS)
     return Wifi(
         rate_mbps,
         basic_rate_mbps,
@@ -186,8 +187,8 @@ def wifi_g(rate_mbps: float = 6.0, basic_rate_mbps: float = 6.0) -> Wifi:
     )
 
 
-def _known(standard: str, rate_mbps: float, rates: tuple[float, ...]) -> None:
-    if rate_mbps not in rates:
-        raise ValueError(
-            f"{standard} at {rate_mbps:g} Mb/s: one of {', '.join(f'{rate:g}' for rate in rates)}"
-        )
+def _known(standard: str, rate_mbps: float, basic_rate_mbps: float, rates: tuple[float, ...]) -> None:
+    for text, rate in (("", rate_mbps), ("a basic rate of ", basic_rate_mbps)):
+        if rate not in rates:
+            known = ", ".join(f"{each:g}" for each in rates)
+            raise ValueError(f"{standard} at {text}{rate:g} Mb/s: one of {known}")

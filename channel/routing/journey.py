@@ -114,11 +114,15 @@ class Cargo:
         leg: of a journey; None: it carries a notice.
         content: of the notice.
         open: nodes that have no fate of it yet.
+        attempts: how often it was on the air when that was decided.
+        frame_ns: how long each time; 0: it never was.
     """
 
     leg: Leg | None = None
     content: object = None
     open: int = 0
+    attempts: int = 0
+    frame_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +139,8 @@ class HopPacket(AirPacket):
     def is_from_above(self) -> bool:
         """Notices are routing's own."""
         return self.cargo.leg is not None
+
+    @property
+    def order(self) -> int:
+        """As its first sender numbered it: an older packet may come over a longer way after a newer one."""
+        return self.number if self.cargo.leg is None else self.cargo.leg.journey.packet.number

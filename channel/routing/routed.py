@@ -100,7 +100,8 @@ class Routed:
 
     def _begin(self, packet: AirPacket) -> None:
         journey = Journey(packet, self.receivers_of(packet), self._distance_m)
-        onward = self._router.send(packet.node, packet)
+        is_off = self._medium.is_off(packet.node, packet.at_ns)
+        onward = Loss.RADIO_OFF if is_off else self._router.send(packet.node, packet)
         self._go_on(journey, packet.node, onward, None, None)
         self._end(journey)
         if isinstance(onward, Loss) and packet.to is not None:
@@ -154,7 +155,7 @@ class Routed:
         assert isinstance(packet, HopPacket), "the medium has packets of this network alone"
         cargo = packet.cargo
         if isinstance(outcome, Reply):
-            self._replied(outcome, cargo.leg)
+            self._replied(outcome, cargo)
             return
         cargo.open -= 1
         if cargo.leg is None:
@@ -165,18 +166,19 @@ class Routed:
         else:
             cargo.leg.journey.missed(outcome, cargo.leg)
         if not cargo.open:
-            self._count(outcome, cargo.leg)
+            self._count(outcome, cargo, cargo.leg)
             cargo.leg.journey.under_way -= 1
             self._end(cargo.leg.journey)
 
-    def _count(self, fate: AirFate, leg: Leg) -> None:
+    def _count(self, fate: AirFate, cargo: Cargo, leg: Leg) -> None:
         if fate.started_ns < 0:
             return
         if len(leg.way) == 1:
             self.counts.sent += 1
         else:
             self.counts.handed_on += 1
-        self.counts.packet_air_ns += fate.attempts * (fate.ended_ns - fate.started_ns)
+        cargo.attempts, cargo.frame_ns = fate.attempts, fate.ended_ns - fate.started_ns
+        self.counts.packet_air_ns += cargo.attempts * cargo.frame_ns
 
     def _arrived(self, fate: AirFate, leg: Leg) -> None:
         """A copy has come to a node: it takes the first, and hands it on if the router says so."""
@@ -201,8 +203,10 @@ class Routed:
         if not journey.under_way:
             self._outcomes += journey.ended(self._agenda.now_ns)
 
-    def _replied(self, reply: Reply, leg: Leg | None) -> None:
-        """A unicast was acknowledged or given up: its sender learns of the first hop."""
+    def _replied(self, reply: Reply, cargo: Cargo) -> None:
+        """A unicast is done with, perhaps tried again after it came: a sender learns of the first hop."""
+        leg = cargo.leg
+        self.counts.packet_air_ns += (reply.attempts - cargo.attempts) * cargo.frame_ns
         if leg is not None and len(leg.way) == 1 and leg.journey.packet.to is not None:
             self._outcomes.append(replace(reply, packet=leg.journey.packet))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, encode
@@ -10,7 +10,10 @@ from bridge.scenario.agents import FreeAgent, OutAndBackAgent, OwnAgent, StillAg
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft, GroundNode
 from bridge.scenario.resolve.channel import medium_settings, routing_settings
+from channel.draws import Draws
 from channel.link.radio import Radio
+from channel.routing.router import Hop
+from channel.routing.settings import MeshRouting, router_of
 from lostlink.reading.capacity import Capacity, SharedBy
 
 ON_GROUND = ("STABILIZE", "CUSTOM_MODE_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED")
@@ -90,7 +93,8 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
         radios: of each node.
     """
     capacity = Capacity(medium_settings(radios), radios)
-    nodes = tuple(_load_of(scenario, node, capacity) for node in scenario.transceivers)
+    header_bytes = _routing_bytes(scenario, radios)
+    nodes = tuple(_load_of(scenario, node, capacity, header_bytes) for node in scenario.transceivers)
     payloads = {node.node: 8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes}
     shares = {node.node: node.airtime_share for node in nodes}
     sums = [
@@ -115,14 +119,32 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     )
 
 
-def _load_of(scenario: Scenario, node: Aircraft | GroundNode, capacity: Capacity) -> NodeLoad:
+def without_messages(radios: Mapping[str, Radio]) -> Iterator[str]:
+    """Nodes of a mesh whose originator messages the medium has no room for: they are lost as they enter."""
+    routing, capacity = routing_settings(radios), Capacity(medium_settings(radios), radios)
+    if isinstance(routing, MeshRouting):
+        for node in radios:
+            if not capacity.packet_s(node, routing.ogm_bytes, routing.ogm_priority):
+                yield node
+
+
+def _routing_bytes(scenario: Scenario, radios: Mapping[str, Radio]) -> int:
+    """What routing makes a packet for all longer by."""
+    places = {node: place for place, node in enumerate(radios)}
+    router = router_of(routing_settings(radios), places, Draws(scenario.seed))
+    return 0 if router is None else router.header_bytes(Hop(None))
+
+
+def _load_of(
+    scenario: Scenario, node: Aircraft | GroundNode, capacity: Capacity, header_bytes: int
+) -> NodeLoad:
     if isinstance(node.agent, FreeAgent):
         return NodeLoad(node.node, None, None, None, 0.0, is_guess=True)
     rate_hz = scenario.tick_rate_hz / scenario.transmit.every_ticks
     payload = package_bytes(node)
     counted = int(capacity.radios[node.node].length_bytes(payload))  # a fixed length may be less
     bits_per_s = 8.0 * rate_hz * max(payload, counted)
-    share = rate_hz * capacity.packet_s(node.node, payload, PACKAGE_PRIORITY)
+    share = rate_hz * capacity.packet_s(node.node, payload + header_bytes, PACKAGE_PRIORITY)
     return NodeLoad(node.node, rate_hz, payload, bits_per_s, share, isinstance(node.agent, OwnAgent))
 
 

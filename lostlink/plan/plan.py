@@ -23,7 +23,7 @@ from lostlink.plan.held import held_back
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
-from lostlink.plan.load import OfferedLoad, offered_load
+from lostlink.plan.load import OfferedLoad, offered_load, without_messages
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.places import start_ned_m
 from lostlink.plan.reach import Reach, reach_of
@@ -200,6 +200,11 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
                 f"{load.medium} has no room: none would be delivered"
             )
+    lines += [
+        f"node {node}: the medium {load.medium} has no room for the originator messages of its mesh (ogm_bytes, "
+        "ogm_priority): others find no routes to it"
+        for node in without_messages(radios)
+    ]
     return lines
 
 

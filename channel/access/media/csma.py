@@ -17,7 +17,7 @@ from channel.access.air import Air, Hearing, Receiver
 from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket, Loss, Reply
-from channel.access.queue import QueueLimits
+from channel.access.queue import QueueLimits, expires_ns
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
 from channel.access.world import AirFrame, Foreseeing, World
@@ -88,6 +88,10 @@ class Csma(AccessMedium):
         for node, receiver in self.air.join(self._stations).items():
             self._stations[node].receiver = receiver
             receiver.ignore()
+
+    def expired(self, packet: AirPacket) -> None:
+        """A packet waited longer than its life time for the medium."""
+        self._lost(packet, Loss.EXPIRED)
 
     def next_packet(self, node: int) -> AirPacket | None:
         """What a station sends next."""
@@ -269,7 +273,14 @@ class Station:
             self._take()
             self._schedule()
             return
-        self._backoff, self._exchanging = NO_BACKOFF, True
+        self._backoff = NO_BACKOFF
+        if not self._tries and expires_ns(packet) < self._tried_ns - self._difs_ns:
+            self._medium.expired(packet)
+            if not self._take():
+                return
+            packet = self._packet
+            assert packet is not None
+        self._exchanging = True
         self._tries += 1
         if packet.to is None:
             duration_ns = self._timing.broadcast_ns(self._medium.body_bytes(packet))

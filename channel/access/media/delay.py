@@ -128,7 +128,8 @@ class Delay(AccessMedium):
 
     A packet waits in its sender's queue, leaves at the sender's rate, and arrives at each receiver after a delay of
     its own. It is lost where the world does not let it through, and for an outage: of the sender when it has left, of
-    the receiver when it arrives. The world's delays of propagation are not added: the distribution has the whole way.
+    the receiver when it arrives, whose radio may be off by then. The world's delays of propagation are not added: the
+    distribution has the whole way.
 
     Args:
         world: nodes, powers, losses.
@@ -219,5 +220,6 @@ class Delay(AccessMedium):
     def _comes(self, frame: AirFrame, receiver: int) -> None:
         packet = frame.packet
         assert packet is not None
-        is_down = self._outages[receiver].is_down(self.agenda.now_ns)
-        self._book(packet, receiver, frame, 1, Loss.OUTAGE if is_down else None)
+        now_ns = self.agenda.now_ns
+        is_down, is_off = self._outages[receiver].is_down(now_ns), self.is_off(receiver, now_ns)
+        self._book(packet, receiver, frame, 1, Loss.RADIO_OFF if is_off else Loss.OUTAGE if is_down else None)

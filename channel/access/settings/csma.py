@@ -86,11 +86,13 @@ class CsmaMedium(Shared):
         if self.standard == "11b":
             timing = wifi_b(self.rate_mbps, basic_mbps, short_preamble=self.short_preamble)
         elif self.standard == "11a":
-            return wifi_a(self.rate_mbps, basic_mbps, clock=self.clock)
+            timing = wifi_a(self.rate_mbps, basic_mbps, clock=self.clock)
         else:
             timing = wifi_g(self.rate_mbps, basic_mbps)
-        if self.clock != 1.0:
+        if self.clock != 1.0 and self.standard != "11a":
             raise ValueError(f"clock {self.clock:g} is for 11a only")
+        if self.short_preamble and self.standard != "11b":
+            raise ValueError("short_preamble is for 11b only")
         return timing
 
     def senses_from_dbm(self, noise_floor_dbm: float) -> float:

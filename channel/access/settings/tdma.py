@@ -81,7 +81,7 @@ class TdmaMedium(Serial):
     @property
     def is_by_node(self) -> bool:
         """Whether `node_capacity_bps` says what each node has for itself."""
-        return self.schedule is not None
+        return self.schedule is not None or bool(self.slots)
 
     def node_capacity_bps(
         self, node: str, length_bytes: int, bit_rate_bps: float, priority: int | None

@@ -81,7 +81,7 @@ class Mesh(HopRouter):
         """To the next node; what is for several, three times to all."""
         if packet.to is None:
             return self._broadcasts(0) if self.stations[node].has_others(node, None) else Loss.NO_ROUTE
-        return self._to_next(node, packet.to, 0)
+        return _to_next(self.stations[node].next_to(packet.to), 0)
 
     def hand_on(self, node: int, packet: AirPacket, way: Sequence[int]) -> Onward:
         """Likewise; what is for all only if there is a neighbour who may not have it."""
@@ -89,7 +89,9 @@ class Mesh(HopRouter):
             if len(way) >= TTL or not self.stations[node].has_others(packet.node, way[-1]):
                 return ()
             return self._broadcasts(self._delay_ns(node))
-        return Loss.HOP_LIMIT if len(way) >= TTL else self._to_next(node, packet.to, self._delay_ns(node))
+        if len(way) >= TTL:
+            return Loss.HOP_LIMIT
+        return _to_next(self.stations[node].onward_to(packet.to), self._delay_ns(node))
 
     def refuses(self, node: int, packet: AirPacket) -> Loss | None:
         """What is for all, of a sender that it never heard of (`batadv_recv_bcast_packet`)."""
@@ -115,9 +117,9 @@ class Mesh(HopRouter):
         delay_ns = int(self._words[node].next_uniform() * _JITTER_NS / 2)
         return [Notice(ogm, self._numbers.ogm_bytes, delay_ns)]
 
-    def _to_next(self, node: int, to: int, delay_ns: int) -> Onward:
-        following = self.stations[node].next_to(to)
-        return Loss.NO_ROUTE if following is None else [Hop(following, delay_ns)]
-
     def _broadcasts(self, delay_ns: int) -> Sequence[Hop]:
         return [Hop(None, delay_ns + number * _GAP_NS) for number in range(self._numbers.broadcasts)]
+
+
+def _to_next(following: int | None, delay_ns: int) -> Onward:
+    return Loss.NO_ROUTE if following is None else [Hop(following, delay_ns)]

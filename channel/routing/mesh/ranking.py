@@ -70,7 +70,7 @@ class Destination:
         router: the next node that is chosen; None: none yet.
         sequence: the newest message.
         ttl: with which that came first.
-        seen_ns: when it was last heard.
+        seen_ns: when a message of it last counted, or it came to be known.
     """
 
     by_neighbour: dict[int, NextNode] = field(default_factory=dict)
@@ -126,14 +126,14 @@ class Ranking:
 
     def take(self, sender: int, ogm: Ogm, now_ns: int) -> Ogm | None:
         """Take a message in; the one to hand on, None: none (`batadv_iv_ogm_process_per_outif`)."""
-        to = self.known.setdefault(ogm.originator, Destination())
+        to = self._destination(ogm.originator, now_ns)
         seen = to.mark(sender, ogm.sequence)
         if seen is Seen.OLD or not ogm.quality or self._may_loop(to, ogm):
             return None
         router = to.router
         is_best = router == sender and router in to.by_neighbour and to.by_neighbour[router].average > 0
         is_direct = sender == ogm.originator
-        neighbour = to if is_direct else self.known.setdefault(sender, Destination())
+        neighbour = to if is_direct else self._destination(sender, now_ns)
         if not is_direct and neighbour.router is None:
             return None
         itself, to.seen_ns = neighbour.by_neighbour.setdefault(sender, NextNode(seen_ns=now_ns)), now_ns
@@ -152,6 +152,10 @@ class Ranking:
             return None
         onward = after_hop(quality, self._hop_penalty)
         return Ogm(ogm.originator, ogm.sequence, ogm.ttl - 1, onward, sender, is_direct, is_best)
+
+    def _destination(self, node: int, now_ns: int) -> Destination:
+        """What is known of a node; one that was not is known from now on (`batadv_orig_node_new`)."""
+        return self.known.setdefault(node, Destination(seen_ns=now_ns))
 
     def _may_loop(self, to: Destination, ogm: Ogm) -> bool:
         """Whether its transmitter had it from one's own next node, who is one's neighbour."""

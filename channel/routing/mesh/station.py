@@ -25,11 +25,15 @@ class MeshStation:
         own = Ranking(TQ_MAX, hop_penalty, self._echoed)
         others = Ranking(after_hop(TQ_MAX, hop_penalty), hop_penalty, self._echoed)
         self._own, self._others = own, others
-        """For its own packets, and for what neighbours are told: they would have the same radio transmit twice."""
+        """For its own packets; for others' packets and what neighbours are told, for which the radio is used twice."""
 
     def next_to(self, node: int) -> int | None:
         """The next node to another; None: it knows none."""
         return self._own.router(node)
+
+    def onward_to(self, node: int) -> int | None:
+        """Likewise for a packet that it hands on (`batadv_find_router` with the interface that it came from)."""
+        return self._others.router(node)
 
     def quality_of(self, originator: int, neighbour: int) -> int:
         """The mean quality of the way to an originator over a neighbour."""

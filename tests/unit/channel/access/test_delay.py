@@ -211,6 +211,21 @@ def test_the_losses_of_the_world_count() -> None:
     assert shares[2] == 1.0
 
 
+def test_a_packet_that_comes_to_a_radio_that_is_off_by_then_is_lost() -> None:
+    """Two seconds on its way; off from 5 s on, and on again at 9 s."""
+
+    class Switching(PlainWorld):
+        def is_off(self, node: int, at_ns: int) -> bool:
+            """Node 1, for four seconds."""
+            return node == 1 and 5 * S <= at_ns < 9 * S
+
+    medium = Delay(Switching((0, 1)), DelaySettings(WayDelay.constant(2 * S), rate_bps=FAST))
+    for number in range(10):
+        medium.offer(AirPacket(0, number, 1, 1, number * S))
+    came = [fate.packet.number for fate in fates(medium.run(20 * S)) if fate.loss is not Loss.RADIO_OFF]
+    assert came == [0, 1, 2, 7, 8, 9]
+
+
 def test_mistakes_are_said() -> None:
     """With what is wrong."""
     with pytest.raises(ValueError, match="rising"):

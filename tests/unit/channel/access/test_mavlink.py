@@ -49,7 +49,15 @@ def test_what_a_sender_says_counts_and_what_is_no_frame_is_left() -> None:
     asked = Handling(-3, 10, "state")
     assert handled(heartbeat, asked) is asked
     assert handled(heartbeat, Handling(0, 10, "state")) == Handling(2, 10, "state")
-    for payload in (b"", b"\xfd", heartbeat[:9], b"text"):
+    for payload in (
+        b"",
+        b"\xfd",
+        heartbeat[:9],
+        heartbeat[:-1],
+        heartbeat + b"x",
+        b"text",
+        b"\xfe" + bytes(99),
+    ):
         assert handled(payload, PLAIN) is PLAIN
 
 

@@ -507,6 +507,33 @@ def test_a_packet_that_does_not_fit_into_its_slot_waits_in_the_queue() -> None:
     assert fates == [(1, Loss.EXPIRED), (3, None), (2, None)]
 
 
+def test_a_packet_that_waits_too_long_for_a_busy_medium_expires() -> None:
+    """A frame of 2000 bytes at 6 Mb/s takes 2.7 ms; DIFS is no waiting: a life time of 0 has a packet sent at once."""
+    medium = Csma(PlainWorld((0, 1)), wifi_a())
+    medium.offer(AirPacket(1, 0, None, 2000, 0))
+    for number, lifetime_ns in enumerate((MS, None)):
+        medium.offer(AirPacket(0, number, 1, 100, MS, lifetime_ns=lifetime_ns))
+    medium.offer(AirPacket(0, 2, 1, 100, 500 * MS, lifetime_ns=0))
+    outcomes = [one for one in medium.run(S) if one.packet.node == 0]
+    fates = [(one.packet.number, one.loss, one.attempts) for one in outcomes if isinstance(one, AirFate)]
+    assert fates == [(0, Loss.EXPIRED, 0), (1, None, 1), (2, None, 1)]
+    replies = [(one.packet.number, one.acknowledged) for one in outcomes if isinstance(one, Reply)]
+    assert replies == [(0, False), (1, True), (2, True)]
+
+
+def test_a_basic_rate_is_one_of_the_standard_and_only_11b_has_a_short_preamble() -> None:
+    for make, text in (
+        (lambda: wifi_g(6.0, 7.0), "802.11g at a basic rate of 7 Mb/s: one of 6, 9, 12, 18, 24, 36, 48, 54"),
+        (lambda: wifi_a(6.0, 1.0), "802.11a at a basic rate of 1 Mb/s: one of 6, "),
+        (lambda: wifi_b(11.0, 6.0), "802.11b at a basic rate of 6 Mb/s: one of 1, 2, 5.5, 11"),
+        (lambda: CsmaMedium(basic_rate_mbps=7.0), "a basic rate of 7 Mb/s"),
+        (lambda: CsmaMedium(short_preamble=True), "short_preamble is for 11b only"),
+        (lambda: CsmaMedium(standard="11a", short_preamble=True), "short_preamble is for 11b only"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            make()
+
+
 def test_a_packet_that_finds_the_medium_idle_waits_difs() -> None:
     """However long it was idle before (10.3.4.2): 34 us with 802.11a, also when a back-off ran out unused."""
     medium = Csma(PlainWorld((0, 1)), wifi_a())

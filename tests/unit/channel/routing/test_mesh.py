@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -15,7 +16,7 @@ from channel.draws import Draws
 from channel.routing.mesh.mesh import Mesh, MeshNumbers
 from channel.routing.mesh.originator import Ogm, after_hop, combined
 from channel.routing.routed import Routed
-from channel.routing.router import Forwarding
+from channel.routing.router import Forwarding, Hop
 
 INTERVAL_S, JITTER_S = 1.0, 0.02
 HOP_S = JITTER_S / 2 + 0.001
@@ -210,3 +211,56 @@ def test_an_originator_that_nobody_heard_of_floods_nothing() -> None:
     assert router.refuses(1, AirPacket(0, 0, None, 100, 0)) is Loss.NO_ROUTE
     router.take(1, 0, Ogm(0, 1, 50, 255, 0), 0)
     assert router.refuses(1, AirPacket(0, 0, None, 100, 0)) is None
+
+
+def test_packets_of_others_go_where_neighbours_are_told_that_they_do() -> None:
+    """`batadv_route_unicast_packet` asks for the route of the interface that a packet came from.
+
+    Over 1 the way is worth 8, over 2 then 9: less 30 of 255 for the radio that is used again both are 7, and the first
+    one stays.
+    """
+    router = mesh(4)
+    for number in range(1, 66):
+        router.notices(0, 0)
+        for neighbour in (1, 2):
+            router.take(0, neighbour, Ogm(neighbour, number, 50, 255, neighbour), 0)
+            router.take(0, neighbour, Ogm(0, number, 49, 225, 0, is_direct=True), 0)
+    for number in range(1, 12):
+        router.take(0, 1, Ogm(3, number, 49, 8, 3), 0)
+        router.take(0, 2, Ogm(3, number, 49, 9, 3), 0)
+    packet = AirPacket(0, 0, 3, 100, 0)
+    assert [router.stations[0].quality_of(3, neighbour) for neighbour in (1, 2)] == [8, 9]
+    assert router.send(0, packet) == [Hop(2)]
+    assert router.hand_on(0, replace(packet, node=1), [1]) == [Hop(1)]
+
+
+def test_an_originator_is_known_as_long_late_in_a_run_as_at_its_beginning() -> None:
+    """2 hears 1, who does not hear 2: what 1 hands on makes 0 known, and no more, until twice the purge time later."""
+    links = {(0, 1), (1, 0), (1, 3), (3, 1), (1, 2)}
+    world = PlainWorld(range(4), deaf=_deaf(4, lambda a, b: (a, b) in links))
+    network = Routed(AirTime(world, FAST), mesh(4, numbers=MeshNumbers(interval_s=0.5, purge_s=10.0)))
+    for number in range(150):
+        network.offer(AirPacket(0, number, None, 50, second(25.0 + 0.1 * number)))
+    fates = [each for each in network.live(second(42.0)) if isinstance(each, AirFate) and each.receiver == 2]
+    lost = [each.packet.at_ns for each in fates if each.loss is not None]
+    assert len(fates) == 150
+    assert len(lost) <= 6  # once, until the next message
+    assert not lost or max(lost) - min(lost) <= second(0.52)
+
+
+def test_what_a_radio_that_is_off_is_given_is_lost_to_that_and_not_for_want_of_a_route() -> None:
+    """A mesh whose node is off from the start knows no other."""
+
+    class Off(PlainWorld):
+        def is_off(self, node: int, at_ns: int) -> bool:
+            """Node 0, always."""
+            del at_ns
+            return node == 0
+
+    network = Routed(AirTime(Off(range(2)), FAST), mesh(2))
+    network.offer(AirPacket(0, 0, 1, 100, second(1.0)))
+    network.offer(AirPacket(0, 1, None, 100, second(2.0)))
+    outcomes = network.live(second(3.0))
+    assert [each.loss for each in outcomes if isinstance(each, AirFate)] == [Loss.RADIO_OFF] * 2
+    [reply] = [each for each in outcomes if isinstance(each, Reply)]
+    assert (reply.packet.number, reply.acknowledged, reply.at_ns) == (0, False, second(1.0))

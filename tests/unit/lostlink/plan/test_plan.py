@@ -250,6 +250,41 @@ def test_a_package_that_fits_no_slot_is_warned_of() -> None:
     )
 
 
+def test_a_package_that_fits_no_slot_with_the_header_of_its_routing_is_warned_of() -> None:
+    """Slots of 49 ms have room for 392 bytes: for the longer package and 8 more, not for 28 more."""
+    slots = "model=tdma", "slot_s=0.049"
+    ways = {way: on_medium(*slots, more=[f"radio.routing={{model: {way}}}"]) for way in ("flood", "mesh")}
+    text = f"node 1: its data package has {FLIES_OUT_BYTES} bytes, for which the medium tdma has no room"
+    assert {way: any(text in each for each in plan["warnings"]) for way, plan in ways.items()} == {
+        "flood": False,
+        "mesh": True,
+    }
+
+
+def test_a_node_without_a_slot_is_warned_of() -> None:
+    """The other has room for two of its packages, one a second, in each 100 ms."""
+    plan = on_medium("model=tdma", "slot_s=0.1", "slots=['0']", more=["transmit.every_ticks=20"])
+    [warning] = plan["warnings"]
+    assert warning.startswith("node 1: its data package has ")
+    assert plan["load"]["nodes"][0]["airtime_share"] == pytest.approx(0.05)
+
+
+def test_a_mesh_whose_messages_fit_no_slot_is_warned_of() -> None:
+    """Slots for data packages alone take no message of priority 7, and 1 ms has no room for 24 bytes."""
+    slots = ", ".join(f"{{nodes: {node}, duration_s: 0.1, priority: 0}}" for node in (0, 1))
+    more = ["transmit.every_ticks=40"]
+    of_class = "model=tdma", f"schedule={{slots: [{slots}]}}"
+    for routing, warned in (
+        ("{model: mesh}", 2),
+        ("{model: mesh, ogm_priority: 0}", 0),
+        ("{model: flood}", 0),
+    ):
+        plan = on_medium(*of_class, more=[*more, f"radio.routing={routing}"])
+        assert sum("originator messages" in each for each in plan["warnings"]) == warned
+    plan = on_medium("model=tdma", "slot_s=0.001", more=[*more, "radio.routing={model: mesh}"])
+    assert "node 0: the medium tdma has no room for the originator messages" in " ".join(plan["warnings"])
+
+
 def test_load_on_a_medium_reads_well() -> None:
     options = ["radio.medium={model: tdma, slot_s: 0.05}", "transmit.every_ticks=20"]
     said = checked(
