@@ -261,14 +261,6 @@ def test_a_package_that_fits_no_slot_with_the_header_of_its_routing_is_warned_of
     }
 
 
-def test_a_node_without_a_slot_is_warned_of() -> None:
-    """The other has room for two of its packages, one a second, in each 100 ms."""
-    plan = on_medium("model=tdma", "slot_s=0.1", "slots=['0']", more=["transmit.every_ticks=20"])
-    [warning] = plan["warnings"]
-    assert warning.startswith("node 1: its data package has ")
-    assert plan["load"]["nodes"][0]["airtime_share"] == pytest.approx(0.05)
-
-
 def test_a_mesh_whose_messages_fit_no_slot_is_warned_of() -> None:
     """Slots for data packages alone take no message of priority 7, and 1 ms has no room for 24 bytes."""
     slots = ", ".join(f"{{nodes: {node}, duration_s: 0.1, priority: 0}}" for node in (0, 1))
@@ -532,8 +524,7 @@ def test_a_node_without_a_slot_is_told_before_it_transmits(slots: str) -> None:
         f"radio={{preset: telemetry-915, medium: {{model: tdma, {slots}}}}}", "transmit.every_ticks=20"
     )
     shares = {node["node"]: node["airtime_share"] for node in plan["load"]["nodes"]}
-    assert shares["0"] > 0.0
-    assert shares["1"] == 0.0
+    assert shares["0"] > 0.0 == shares["1"]
     told = [line for line in plan["warnings"] if "slot" in line]
     assert told == [
         "node 1: it has no slot of the medium tdma, and only listens: nothing that it transmits would be delivered"
