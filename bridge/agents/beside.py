@@ -264,7 +264,7 @@ async def _next_packet(session: Session, keys: Keys, node: str) -> Stamp:
     """Number and least sim time of the next packet of ``node``, from the radio, for a program that may transmit as it.
 
     Raises:
-        PermissionError: another one numbers its packets.
+        PermissionError: another one numbers its packets, or they are those of a record.
         SessionError: no radio answers.
     """
     replies: asyncio.Queue[CommandEvent | None] = asyncio.Queue()
@@ -307,7 +307,7 @@ async def connect_ua(
         access: what `lostlink token` printed, if the directory is not at hand; ``run`` is then not looked at.
 
     Raises:
-        PermissionError: ``is_sender``, and the node has an agent that is not ``free``.
+        PermissionError: ``is_sender``, and the node has an agent that is not ``free``, or the run repeats a record.
         SessionError: if there is no such run, or it is over; the text says which.
     """
     node, frames, reach = str(node), None, {}

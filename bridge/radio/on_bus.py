@@ -14,10 +14,10 @@ from bridge.bus.session import Query, Sample, Session, Stamp, encoding_said
 from bridge.radio.intake import Intake, Waiting
 from bridge.radio.radio import RecordedRadio
 from bridge.radio.senders import Refused
-from bridge.radio.virtual_radio import VirtualRadio
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 
+REPEATS = "this run repeats a record"
 Answer = Callable[[str, Query], None]
 """Answers a query on a key."""
 
@@ -27,11 +27,11 @@ class NextPacket:
 
     Args:
         keys: of the run.
-        core: which takes the packets.
+        radio: which takes the packets.
     """
 
-    def __init__(self, keys: Keys, core: VirtualRadio) -> None:
-        self._keys, self._core = keys, core
+    def __init__(self, keys: Keys, radio: RecordedRadio) -> None:
+        self._keys, self._radio = keys, radio
 
     def serve(self, session: Session, scenario: Scenario, push: Callable[[Answer, Query], object]) -> None:
         """Have ``push`` called with each query, which is to be answered behind all packets that came before it."""
@@ -45,14 +45,22 @@ class NextPacket:
 
     def _as_free(self, key: str, query: Query) -> None:
         """A free node's program asks how to go on; all that the one before it transmitted has been taken."""
-        stamp = self._core.next_packet(self._keys.node_of(key))
+        node = self._keys.node_of(key)
+        if node in self._radio.repeated:
+            _refuse(key, query, f"{REPEATS}: what is transmitted as node {node} is taken from there")
+            return
+        stamp = self._radio.core.next_packet(node)
         value = json.dumps({"seq": stamp.seq, "sim_time_ns": stamp.sim_time_ns})
         reply_event(query, key, CommandEvent(CommandEvent.RESULT, True, value=value))
 
     def _beside_an_agent(self, key: str, query: Query) -> None:
         node = self._keys.node_of(key)
         text = f"node {node} has an agent that is not free, which alone transmits and numbers its packets"
-        reply_event(query, key, CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
+        _refuse(key, query, text)
+
+
+def _refuse(key: str, query: Query, text: str) -> None:
+    reply_event(query, key, CommandEvent(CommandEvent.RESULT, False, text, outcome="refused"))
 
 
 class RadioOnBus:
@@ -83,7 +91,7 @@ class RadioOnBus:
             session.subscribe(packets, partial(self.intake.push, self._packet_came, may_drop=True))
             session.subscribe(words, partial(self.intake.push, self._agent_came, may_drop=True))
         push = partial(self.intake.push, may_drop=False)
-        NextPacket(self._keys, radio.core).serve(session, run.scenario, push)
+        NextPacket(self._keys, radio).serve(session, run.scenario, push)
 
     def handle(self, item: Waiting) -> None:
         """Have it handled; what is malformed is somebody else's, and refused. What else is raised is ours."""
@@ -98,8 +106,14 @@ class RadioOnBus:
 
     def _packet_came(self, key: str, sample: Sample) -> None:
         address, payload = self._keys.address_of(key), sample.payload.to_bytes()
+        if address.node in self._radio.repeated:
+            self._radio.core.refused[Refused.REPEATS] += 1
+            self._radio.tell_refusal(f"{key}: {REPEATS}")
+            return
         stamp, handling = Stamp.from_sample(sample), handling_in(sample)
         self._radio.packet(address, payload, encoding_said(sample), stamp, handling)
 
     def _agent_came(self, key: str, sample: Sample) -> None:
-        self._on_agent(self._keys.node_of(key), decode(sample.payload.to_bytes(), AgentStatus))
+        node = self._keys.node_of(key)
+        if node not in self._radio.repeated:
+            self._on_agent(node, decode(sample.payload.to_bytes(), AgentStatus))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bridge.bus.handling import PLAIN, Handling
@@ -15,15 +16,16 @@ from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
 from bridge.radio.picture import Picture, Row
+from bridge.radio.repeated import RepeatedPackets
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
-from bridge.record.events import AGENT_WARNING, Report
+from bridge.record.events import AGENT_WARNING, Report, transmits_freely
 from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
-from bridge.record.tables.deliveries import DeliveryWriter
+from bridge.record.tables.deliveries import DeliveryWriter, Gap
 from bridge.record.tables.routes import RouteWriter
 from bridge.run.directory import RunDirectory
 from bridge.scenario.resolve.channel import channels_of
@@ -60,8 +62,14 @@ class RecordedRadio:
     """The radio of a run.
 
     Args:
-        run: the run.
+        run: the run; it may name another one whose inputs are to be repeated.
         report: of the process.
+
+    Attributes:
+        repeated: free nodes, of a run that repeats another: their packets are those of its record.
+
+    Raises:
+        TableError, StreamError, OSError: the record that is to be repeated cannot be read.
     """
 
     def __init__(self, run: RunDirectory, report: Report) -> None:
@@ -89,9 +97,12 @@ class RecordedRadio:
             for place, each in enumerate(self._channels)
         ]
         free = {node.node for node in scenario.transceivers if not node.has_agent}
-        self.core = VirtualRadio(airs, ring, self._modems, free)
+        replay = run.info.replay
+        self.repeated = frozenset(free if replay else ())
+        self._record = RepeatedPackets(Path(replay), nodes, free) if self.repeated else None
+        self.core = VirtualRadio(airs, ring, self._modems, free - self.repeated)
         self.picture = Picture(nodes)
-        self._silent = set(free)
+        self._silent = free - self.repeated
         """Free nodes as which no program has transmitted yet."""
         self._several: set[str] = set()
         """Free nodes as which several programs transmit."""
@@ -100,7 +111,10 @@ class RecordedRadio:
         self._data_channel = scenario.transmit.channel
         self._packets = {node: StreamWriter(names.packets(node).path(run.path)) for node in nodes}
         self._written_ns = [0] * len(nodes)
-        """Of each node's packets, the latest that was written: a free program's may be stamped ahead."""
+        """Of each node's packets, the latest tick that was written."""
+        self._settled_ns = 0
+        """The latest tick, or in the end the one after it, at which packets were given to the medium."""
+        self._free = free
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
         self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
         self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
@@ -162,8 +176,7 @@ class RecordedRadio:
         """What a node that the clock does not wait for does, it does by wall time."""
         if node in self._silent:
             self._silent.discard(node)
-            text = f"a program that the clock does not wait for transmits as node {node}"
-            self._report.may_not_repeat(text)
+            self._report.may_not_repeat(transmits_freely(node))
 
     def _tell_if_several(self, node: str, refused: Stamp | None) -> None:
         """Of programs that the clock does not wait for one at a time is to transmit as a node; numbers of two meet."""
@@ -191,6 +204,8 @@ class RecordedRadio:
 
     def settle(self, sim_time_ns: int) -> SettledTick:
         """Settle the packets of a closed tick, and have the sensors measure; `write` is to follow."""
+        self._settled_ns = sim_time_ns
+        self._repeat(self.core.ring.received_ns)
         try:
             settled = self.core.settle()
         except BaseException:
@@ -199,6 +214,17 @@ class RecordedRadio:
         told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
         self.picture.take(settled.columns)
         return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
+
+    def _repeat(self, before_ns: int) -> None:
+        """Take what programs transmitted as free nodes in the run that is repeated."""
+        for item in () if self._record is None else self._record.before(before_ns):
+            if isinstance(item.what, Gap):
+                self.core.on_gap(item.what)
+                continue
+            packet = item.what
+            address = Address(item.node, *packet.address.split("/", 2))
+            stamp = Stamp(packet.seq, packet.sim_time_ns)
+            self.packet(address, packet.payload, packet.encoding, stamp, packet.handling)
 
     def links(self, sim_time_ns: int) -> Links:
         """All links that carried a packet, as they are after a tick."""
@@ -213,8 +239,12 @@ class RecordedRadio:
             self._routes.write(settled.routes)
         transmitted, self.core.transmitted = self.core.transmitted, []
         for packet in transmitted:
-            self._written_ns[packet.tx] = at_ns = max(self._written_ns[packet.tx], packet.sim_time_ns)
+            is_ahead = packet.sim_time_ns >= settled.received_ns  # as a free program's may be stamped
+            tick_ns = self._settled_ns if is_ahead else packet.sim_time_ns
+            self._written_ns[packet.tx] = at_ns = max(self._written_ns[packet.tx], tick_ns)
             self._packets[self.core.nodes[packet.tx]].write(at_ns, encode_packet(packet))
+        for node in self._free.intersection(self.core.nodes[packet.tx] for packet in transmitted):
+            self._packets[node].flush()  # an input: of a run that is killed it is as whole as those of hosts
 
     def flush(self) -> None:
         """Hand the record to the operating system."""
@@ -241,6 +271,8 @@ class RecordedRadio:
             self.close()
             return
         try:
+            self._settled_ns = self.core.ring.received_ns
+            self._repeat(self._settled_ns + 1)
             self.write(self.core.finish())
         finally:
             self.close()

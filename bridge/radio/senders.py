@@ -30,6 +30,7 @@ class Refused(StrEnum):
     REPEATED = "repeated_sequence_number"
     BACKWARDS = "stamped_before_the_one_before"
     OVERLOAD = "overload"
+    REPEATS = "repeats_a_record"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +106,11 @@ class Senders:
         if count > 0:
             self._on_gap(Gap(sim_time_ns, tx, EVERYBODY, first, count, 0, Cause.TRANSPORT))
             self._next_seq[tx] = seq
+
+    def lose(self, gap: Gap) -> None:
+        """Book packets of which it is known what they were lost to."""
+        self._next_seq[gap.tx] = max(self._next_seq[gap.tx], gap.first_seq + gap.packets)
+        self._on_gap(gap)
 
     def told_total(self, tx: int, sent: int, sim_time_ns: int) -> bool:
         """Take a sender's own count of what it gave to the radio; returns whether it can be true."""

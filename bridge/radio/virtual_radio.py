@@ -234,6 +234,10 @@ class VirtualRadio:
         if node in self._index and not self._senders.told_total(self._index[node], seq + 1, self._latest_ns):
             self.refused[Refused.MALFORMED] += 1
 
+    def on_gap(self, gap: Gap) -> None:
+        """Take packets that were lost before the channel in a run that is repeated."""
+        self._senders.lose(gap)
+
     # What becomes of it.
 
     def settle(self) -> Settled:

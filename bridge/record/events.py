@@ -38,6 +38,11 @@ WHOSE = {AGENT_WARNING: "the agent of ", AGENT_BLOCKED: "the agent of ", OTHER_S
 """By kind, of events that somebody must see while the run goes on: what stands before the name of the node."""
 
 
+def transmits_freely(node: str) -> str:
+    """Why a run may not repeat as which a program beside it transmitted."""
+    return f"a program that the clock does not wait for transmits as node {node}"
+
+
 @dataclass(frozen=True, slots=True)
 class RunEvent:
     """Something that happened at an instant of sim time; ``node`` is "" if it is nobody's in particular."""

@@ -9,11 +9,12 @@ from typing import Any, Protocol
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.record.ending import Extent, extent_of
-from bridge.record.events import read_reports
+from bridge.record.events import read_reports, transmits_freely
 from bridge.record.inputs import all_inputs
-from bridge.record.names import streams_of
+from bridge.record.names import packets, streams_of
+from bridge.record.packets import packets_of
 from bridge.record.provenance import differences, read_provenance
-from bridge.record.streams import read_stream
+from bridge.record.streams import read_stream, stream_exists
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.reader import read_batches
@@ -136,11 +137,28 @@ def plan(run: Path, changes: Mapping[str, Any], code: Path | None = None) -> Ref
     extent = extent_of(run)
     _check_tables(run)
     _check_streams(run, extent)
-    remarks = [f"warning: this run may not repeat: {reason}" for reason in read_reports(run).may_not_repeat]
+    remarks = _why_not(run, scenario)
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
     remarks += [f"note: files that were in {old} are taken from {new}" for old, new in moved.folders.items()]
     return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run), moved)
+
+
+def _why_not(run: Path, scenario: Scenario) -> list[str]:
+    """Why the run may not repeat; what free programs transmitted is an input of its own if streams have it."""
+    free = {transmits_freely(each.node): each.node for each in scenario.transceivers if not each.has_agent}
+    remarks = []
+    for reason in read_reports(run).may_not_repeat:
+        if reason not in free:
+            remarks.append(f"warning: this run may not repeat: {reason}")
+        elif not stream_exists(packets(free[reason]).path(run)):
+            remarks.append(
+                f"warning: this run does not repeat: {reason}, and {packets(free[reason])} is missing"
+            )
+    named = [node for node in free.values() if next(packets_of(run, node), None) is not None]
+    return remarks + [
+        f"note: what a program transmitted as node {node} is taken from the record" for node in named
+    ]
 
 
 def _recorded_scenario(run: Path, moved: Moved) -> Scenario:

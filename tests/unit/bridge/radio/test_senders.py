@@ -90,3 +90,13 @@ def test_what_a_sender_counted_and_never_came_is_a_gap() -> None:
     assert gaps == [Gap(77, 0, EVERYBODY, 1, 3, 0, Cause.TRANSPORT)]
     assert not it.told_total(0, MAX_GAP + 5, 77)
     assert not it.told_total(0, -1, 77)
+
+
+def test_what_is_known_to_be_lost_is_booked_once() -> None:
+    gaps: list[Gap] = []
+    it = senders(gaps)
+    long = Gap(5, 0, EVERYBODY, 0, 1, 2000, Cause.TOO_LONG, "team")
+    it.lose(long)
+    assert it.take(packet(1))
+    assert gaps == [long]
+    assert it.next_packet(0)[0] == 2

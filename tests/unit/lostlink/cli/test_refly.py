@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.events import Report
 from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
-from bridge.record.names import inputs_path, streams_of
+from bridge.record.names import inputs_path, packets, streams_of
 from bridge.record.provenance import AutopilotOrigin, Provenance, collect, write_provenance
 from bridge.record.streams import packed_path
 from bridge.record.tables.truth import TRUTH
@@ -202,6 +202,24 @@ def test_reasons_why_it_may_not_repeat_are_told(tmp_path: Path, fly: FakeFlight)
     report.close()
     done = refly(tmp_path, run)
     assert "warning: this run may not repeat: UA 1 was let go at 12.30 s" in done.stderr
+
+
+@pytest.mark.parametrize("has_packets", [True, False])
+def test_packets_of_free_programs_are_told_to_be_taken_from_the_record(
+    tmp_path: Path, fly: FakeFlight, has_packets: bool
+) -> None:
+    run = recorded(tmp_path)
+    free = with_changes(read_scenario("separation"), {"nodes.1.agent": {"type": "free"}})
+    RunDirectory(run).write(free, "")
+    report = Report(run, "router")
+    report.may_not_repeat(reason := "a program that the clock does not wait for transmits as node 1")
+    report.close()
+    if not has_packets:
+        packed_path(packets("1").path(run)).unlink()
+    told = [line for line in refly(tmp_path, run).stderr.splitlines() if "the new run" not in line]
+    note = "lostlink: note: what a program transmitted as node 1 is taken from the record"
+    warning = f"lostlink: warning: this run does not repeat: {reason}, and packets/1 is missing"
+    assert [line for line in told if "node 1" in line] == [note if has_packets else warning]
 
 
 def test_flight_that_broke_off_is_no_success(tmp_path: Path, fly: FakeFlight) -> None:
