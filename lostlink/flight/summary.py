@@ -88,11 +88,7 @@ def summarise(
         "real_time_factor": timing.real_time_factor,
         **{key: ledger[key] for key in ("links", "bins", "refused")},
         "air": [account.plain for account in air],
-        "warnings": [
-            *_air_warnings(scenario, air),
-            *_warnings(scenario, reports),
-            *unknown_parameters(scenario, run),
-        ],
+        "warnings": _air_warnings(scenario, air) + _warnings(scenario, run, reports),
         "digest": digest_line(found),
         "digests": found,
         "may_not_repeat": list(reports.may_not_repeat),
@@ -114,13 +110,14 @@ def _air_warnings(scenario: Scenario, air: Sequence[AirAccount]) -> list[str]:
     return [*lines, *held_back(scenario, [account.radio for account in air if account.lost_waiting])]
 
 
-def _warnings(scenario: Scenario, reports: Reports) -> list[str]:
-    """What its nodes reported that somebody must see, but for what is of wall time."""
-    return [
+def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[str]:
+    """What its nodes and autopilots reported that somebody must see, but for what is of wall time."""
+    told = [
         f"{WHOSE[event.kind]}{scenario.title(event.node)}: {event.text}"
         for event in reports.events
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
+    return [*told, *unknown_parameters(scenario, run)]
 
 
 def expectation_lines(summary: dict[str, Any]) -> list[str]:
