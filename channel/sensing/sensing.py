@@ -29,13 +29,14 @@ from channel.sensing.measured import (
     blank,
 )
 from channel.sensing.sensor import Sensor, SensorConfig
+from channel.sensing.settings import NS_PER_S
 from channel.sensing.terms import SensingTerms, Ways
 
 Indices = NDArray[np.intp]
 
 
 class _Kind(NamedTuple):
-    """Ways that one law serves: from emitters with one antenna to sensors of one configuration."""
+    """Ways that one law serves: from emitters with one antenna and carrier to sensors of one configuration."""
 
     sensor: Sensor
     radio: Radio
@@ -77,24 +78,23 @@ class Sensing:
         self._kinds: list[_Kind] = []
         self._kind = self._kind_of_each(tuple(Sensor(config) for config in sensors.values()))
         self._is_base = np.array([node in bases for node in self.sensors], dtype=bool)
-        self._period_ns = np.array([each.period_ns for each in sensors.values()], dtype=np.int64)
+        self._rate_hz = np.array([each.rate_hz for each in sensors.values()])
         self._next = np.zeros(len(self.sensors), dtype=np.int64)
         self._power_dbm = np.array(
             [[_heard_dbm(config, each) for each in emitters] for config in sensors.values()]
         )
-        self._frequency_hz = np.array([each.frequency_hz for each in self.emitters])
 
     def _kind_of_each(self, sensors: Sequence[Sensor]) -> NDArray[np.intp]:
         """Return the number of the kind of each way, shape (sensors, emitters); -1 where it is out of the band."""
         found = np.full((len(sensors), len(self.emitters)), -1, dtype=np.intp)
-        known: list[tuple[SensorConfig, object]] = []
+        known: list[tuple[SensorConfig, object, float]] = []
         for row, sensor in enumerate(sensors):
             for column, emitter in enumerate(self.emitters):
                 if not sensor.hears(emitter.frequency_hz):
                     continue
-                key = (sensor.config, emitter.antenna)
+                key = (sensor.config, emitter.antenna, emitter.frequency_hz)
                 if key not in known:
-                    radio = sensor.radio_towards(emitter.antenna)
+                    radio = sensor.radio_towards(emitter.antenna, emitter.frequency_hz)
                     known.append(key)
                     self._kinds.append(_Kind(sensor, radio, SensingTerms(radio, self._draws)))
                 found[row, column] = known.index(key)
@@ -102,13 +102,17 @@ class Sensing:
 
     def is_due(self, sim_time_ns: int) -> bool:
         """Return whether there is anything to measure at an instant."""
-        return bool(self.emitters and (sim_time_ns // self._period_ns >= self._next).any())
+        return bool(self.emitters and (self._number(sim_time_ns) >= self._next).any())
+
+    def _number(self, sim_time_ns: int) -> NDArray[np.int64]:
+        """Return the number of each sensor's latest measurement that is due, to the nanosecond."""
+        return np.floor((sim_time_ns + 0.5) * (self._rate_hz / NS_PER_S)).astype(np.int64)
 
     def measure(self, sim_time_ns: int, sensors: Places, emitters: Places) -> Measured:
         """Return what is measured at an instant: by each sensor that is due, of each emitter in its band.
 
-        Measurement n of a sensor is taken at the first instant asked for that is not earlier than n periods; of several
-        that are due the last one.
+        Measurement n of a sensor is taken at the first instant asked for that is not earlier than n / `rate_hz`; of
+        several that are due the last one.
 
         Args:
             sim_time_ns: later than in the call before.
@@ -117,7 +121,7 @@ class Sensing:
         """
         if not self.is_due(sim_time_ns):
             return NOTHING
-        number = sim_time_ns // self._period_ns
+        number = self._number(sim_time_ns)
         due = number >= self._next
         self._next[due] = number[due] + 1
         sensor, emitter = np.nonzero((self._kind >= 0) & due[:, np.newaxis])
@@ -136,7 +140,7 @@ class Sensing:
         start, end = emitters.position_ned_m[here], sensors.position_ned_m[there]
         out.distance_m[rows] = separation_m(start, end)
         attitude = None if sensors.attitude_wxyz is None else sensors.attitude_wxyz[there]
-        path = radio.path_of(start, end, out.distance_m[rows], None, attitude, self._frequency_hz[here])
+        path = radio.path_of(start, end, out.distance_m[rows], None, attitude)
         is_base = self._is_base[there]
         path = path._replace(tx_is_base=~is_base, rx_is_base=is_base)
         relative = _velocity(sensors, there) - _velocity(emitters, here)
