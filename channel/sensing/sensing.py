@@ -36,7 +36,7 @@ Indices = NDArray[np.intp]
 
 
 class _Kind(NamedTuple):
-    """Ways that one law serves: from emitters with one antenna and carrier to sensors of one configuration."""
+    """Ways that one law serves: from emitters with one antenna to sensors of one configuration."""
 
     sensor: Sensor
     radio: Radio
@@ -83,18 +83,19 @@ class Sensing:
         self._power_dbm = np.array(
             [[_heard_dbm(config, each) for each in emitters] for config in sensors.values()]
         )
+        self._frequency_hz = np.array([each.frequency_hz for each in self.emitters])
 
     def _kind_of_each(self, sensors: Sequence[Sensor]) -> NDArray[np.intp]:
         """Return the number of the kind of each way, shape (sensors, emitters); -1 where it is out of the band."""
         found = np.full((len(sensors), len(self.emitters)), -1, dtype=np.intp)
-        known: list[tuple[SensorConfig, object, float]] = []
+        known: list[tuple[SensorConfig, object]] = []
         for row, sensor in enumerate(sensors):
             for column, emitter in enumerate(self.emitters):
                 if not sensor.hears(emitter.frequency_hz):
                     continue
-                key = (sensor.config, emitter.antenna, emitter.frequency_hz)
+                key = (sensor.config, emitter.antenna)
                 if key not in known:
-                    radio = sensor.radio_towards(emitter.antenna, emitter.frequency_hz)
+                    radio = sensor.radio_towards(emitter.antenna)
                     known.append(key)
                     self._kinds.append(_Kind(sensor, radio, SensingTerms(radio, self._draws)))
                 found[row, column] = known.index(key)
@@ -140,7 +141,7 @@ class Sensing:
         start, end = emitters.position_ned_m[here], sensors.position_ned_m[there]
         out.distance_m[rows] = separation_m(start, end)
         attitude = None if sensors.attitude_wxyz is None else sensors.attitude_wxyz[there]
-        path = radio.path_of(start, end, out.distance_m[rows], None, attitude)
+        path = radio.path_of(start, end, out.distance_m[rows], None, attitude, self._frequency_hz[here])
         is_base = self._is_base[there]
         path = path._replace(tx_is_base=~is_base, rx_is_base=is_base)
         relative = _velocity(sensors, there) - _velocity(emitters, here)

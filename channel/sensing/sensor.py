@@ -75,16 +75,10 @@ class Sensor:
         """Return whether a frequency is in the band."""
         return self.band_hz[0] <= frequency_hz <= self.band_hz[1]
 
-    def radio_towards(self, antenna: Antenna, frequency_hz: float | None = None) -> Radio:
-        """Return the physics of the way from an emitter with this antenna, which transmits with 0 dBm.
-
-        Args:
-            antenna: of the emitter.
-            frequency_hz: its carrier; the sensor's own if not given.
-        """
+    def radio_towards(self, antenna: Antenna) -> Radio:
+        """Return the physics of the way from an emitter with this antenna, which transmits with 0 dBm."""
         own = self.config.radio
         ends = {
-            "frequency_hz": frequency_hz or own.frequency_hz,
             "transmit_power_dbm": 0.0,
             "antenna": antenna,
             "cable_loss_db": 0.0,
