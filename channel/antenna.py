@@ -121,7 +121,7 @@ class Pattern(_Directed):
 
     model: Literal["pattern"] = "pattern"
     pattern: tuple[tuple[float, float, float], ...] = Field(
-        description="rows of azimuth_deg, elevation_deg, gain_db; or pattern_file, a CSV"
+        min_length=1, description="rows of azimuth_deg, elevation_deg, gain_db; or pattern_file, a CSV"
     )
 
     @model_validator(mode="after")
@@ -130,6 +130,8 @@ class Pattern(_Directed):
         azimuths, elevations = np.unique(rows[:, 0]), np.unique(rows[:, 1])
         if len(rows) != len(azimuths) * len(elevations) or len(np.unique(rows[:, :2], axis=0)) != len(rows):
             raise ValueError("the rows have to be a full grid of azimuths by elevations, each once")
+        if max(-elevations[0], elevations[-1]) > 90.0:
+            raise ValueError("elevations have to be from -90 to 90 degrees: they count from the horizon, up")
         if azimuths[-1] - azimuths[0] >= 360.0:
             raise ValueError("azimuths have to span less than 360 degrees: the pattern wraps around")
         return self

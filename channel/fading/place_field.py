@@ -60,7 +60,7 @@ class PlaceField:
 class SharedField:
     """One standard normal field over the places of both ends, the same for every pair and in both directions.
 
-    (f(a, b) + f(b, a)) / sqrt(1 + exp(-2 |a - b| / d_corr)): each wave with its mirror image is a product of two
+    (f(a, b) + f(b, a)) / sqrt(2 + 2 exp(-2 |a - b| / d_corr)): each wave with its mirror image is a product of two
     cosines, of the sum and of the difference of the places.
 
     Args:

@@ -1,7 +1,7 @@
 """The random terms of the ways from interferers and emitters to receivers: the laws of the radio's own links.
 
 A term that lasts is a field over the places of both ends, which it shares with RF sensors that measure the same
-emitter; one that is drawn anew is keyed by the packet that is disturbed.
+emitter, and with the run's other networks; one that is drawn anew is keyed by the packet that is disturbed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class InterfererTerms:
         self._radio = radio
         self._draws = draws
         self._names = (*interferer_names(radio.config), *(each.name for each in radio.emitters))
-        everybody = LinkDraws(draws.draws, (*draws.nodes, *self._names))
+        everybody = LinkDraws(draws.draws.common, (*draws.nodes, *self._names))
         self._terms = RandomTerms(radio, everybody, "sensing")
 
     def gains_db(self, links: LinksOfPass) -> Sequence[FloatArray | float]:

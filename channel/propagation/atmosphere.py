@@ -71,7 +71,7 @@ class ItuAtmosphere(RangedVariant):
     def _over_the_way(
         self, distance_m: FloatArray, frequency_hz: FloatArray | float, db_per_km: Any
     ) -> FloatArray:
-        ghz = np.asarray(frequency_hz, dtype=np.float64) * 1e-9
+        ghz = np.asarray(frequency_hz, dtype=np.float64) / 1e9
         ghz = self.within("frequency_ghz", ghz, *GHZ)
         each, place = np.unique(ghz, return_inverse=True)
         rates = np.array([db_per_km(float(value)) for value in each])[place].reshape(ghz.shape)

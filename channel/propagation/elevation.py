@@ -49,10 +49,10 @@ def library() -> ModuleType:
 def read_elevation(file: Path, origin: TerrainOrigin, extent_m: float, spacing_m: float) -> FloatArray:
     """Return heights above the origin's, rows going north from -extent_m, columns east, to the millimetre, m.
 
-    Bilinear between the file's points; kept until the file changes.
+    Bilinear between the file's points, with its scale and offset; kept until the file changes.
 
     Raises:
-        ElevationError: the file cannot be read, does not cover the square, or has gaps in it.
+        ElevationError: the file cannot be read, does not cover the square, has gaps in it, or heights in feet.
     """
     try:
         return _read(file, file.stat().st_mtime_ns, origin, extent_m, spacing_m)
@@ -82,6 +82,8 @@ def _sampled(file: Path, lat_deg: FloatArray, lon_deg: FloatArray) -> FloatArray
         with rasterio.open(file) as data:
             if data.crs is None:
                 raise ElevationError(f"{file}: has no coordinate system")
+            if "f" in (data.units[0] or ""):
+                raise ElevationError(f"{file}: its heights are in {data.units[0]}: has to be metres")
             column, row = _pixels(data, lat_deg, lon_deg)
             inside = (
                 (row >= 0.0) & (column >= 0.0) & (row <= data.height - 1.0) & (column <= data.width - 1.0)
@@ -111,9 +113,10 @@ def _bilinear(file: Path, data: Any, row: FloatArray, column: FloatArray) -> Flo
     top, left = int(np.min(row)), int(np.min(column))
     bottom, right = min(int(np.max(row)) + 2, data.height), min(int(np.max(column)) + 2, data.width)
     band = data.read(1, window=((top, bottom), (left, right)), masked=True).astype(np.float64)
-    if np.ma.is_masked(band):
+    if np.ma.is_masked(band) or not np.isfinite(band).all():
         raise ElevationError(f"{file}: has gaps within extent_m of the origin")
-    return interpolated(np.asarray(band), row - top, column - left)
+    heights_m = np.asarray(band) * data.scales[0] + data.offsets[0]
+    return interpolated(heights_m, row - top, column - left)
 
 
 def interpolated(grid: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:

@@ -79,7 +79,7 @@ def _classic(file: Path) -> tuple[dict[str, FloatArray], Any]:
     from scipy.io import netcdf_file
 
     with netcdf_file(file, mmap=False) as data:
-        columns = {name: np.array(each[:], dtype=np.float64) for name, each in data.variables.items()}
+        columns = {name: _unpacked(each[:], vars(each)) for name, each in data.variables.items()}
         return columns, getattr(data, "frequency_hz", None)
 
 
@@ -88,8 +88,20 @@ def _hdf5(file: Path) -> tuple[dict[str, FloatArray], Any]:
 
     with h5py.File(file, "r") as data:
         sets = {name: each for name, each in data.items() if isinstance(each, h5py.Dataset)}
-        columns = {name: np.array(each[...], dtype=np.float64) for name, each in sets.items()}
+        columns = {name: _unpacked(each[...], each.attrs) for name, each in sets.items()}
         return columns, data.attrs.get("frequency_hz")
+
+
+def _unpacked(values: Any, attributes: Mapping[str, Any]) -> FloatArray:
+    """Return numbers as they are meant, NaN where there is none (CF conventions, sec. 2.5.1 and 8.1)."""
+    numbers = np.array(values, dtype=np.float64)
+    for name in ("_FillValue", "missing_value"):
+        if name in attributes:
+            numbers[np.isin(numbers, np.asarray(attributes[name], dtype=np.float64))] = np.nan
+    scale, offset = (
+        float(np.ravel(attributes.get(*each))[0]) for each in (("scale_factor", 1.0), ("add_offset", 0.0))
+    )
+    return numbers * scale + offset
 
 
 def _from_columns(file: Path, columns: Mapping[str, FloatArray], frequency: Any) -> GainTable:

@@ -29,6 +29,7 @@ from channel.sensing.measured import (
     blank,
 )
 from channel.sensing.sensor import Sensor, SensorConfig
+from channel.sensing.settings import NS_PER_S
 from channel.sensing.terms import SensingTerms, Ways
 
 Indices = NDArray[np.intp]
@@ -77,7 +78,7 @@ class Sensing:
         self._kinds: list[_Kind] = []
         self._kind = self._kind_of_each(tuple(Sensor(config) for config in sensors.values()))
         self._is_base = np.array([node in bases for node in self.sensors], dtype=bool)
-        self._period_ns = np.array([each.period_ns for each in sensors.values()], dtype=np.int64)
+        self._rate_hz = np.array([each.rate_hz for each in sensors.values()])
         self._next = np.zeros(len(self.sensors), dtype=np.int64)
         self._power_dbm = np.array(
             [[_heard_dbm(config, each) for each in emitters] for config in sensors.values()]
@@ -102,13 +103,17 @@ class Sensing:
 
     def is_due(self, sim_time_ns: int) -> bool:
         """Return whether there is anything to measure at an instant."""
-        return bool(self.emitters and (sim_time_ns // self._period_ns >= self._next).any())
+        return bool(self.emitters and (self._number(sim_time_ns) >= self._next).any())
+
+    def _number(self, sim_time_ns: int) -> NDArray[np.int64]:
+        """Return the number of each sensor's latest measurement that is due, to the nanosecond."""
+        return np.floor((sim_time_ns + 0.5) * (self._rate_hz / NS_PER_S)).astype(np.int64)
 
     def measure(self, sim_time_ns: int, sensors: Places, emitters: Places) -> Measured:
         """Return what is measured at an instant: by each sensor that is due, of each emitter in its band.
 
-        Measurement n of a sensor is taken at the first instant asked for that is not earlier than n periods; of several
-        that are due the last one.
+        Measurement n of a sensor is taken at the first instant asked for that is not earlier than n / `rate_hz`; of
+        several that are due the last one.
 
         Args:
             sim_time_ns: later than in the call before.
@@ -117,7 +122,7 @@ class Sensing:
         """
         if not self.is_due(sim_time_ns):
             return NOTHING
-        number = sim_time_ns // self._period_ns
+        number = self._number(sim_time_ns)
         due = number >= self._next
         self._next[due] = number[due] + 1
         sensor, emitter = np.nonzero((self._kind >= 0) & due[:, np.newaxis])

@@ -52,7 +52,8 @@ class Sensor:
         band_hz: lowest and highest frequency that it measures.
         noise_floor_dbm: of its receiver.
         threshold_dbm: readings below are not reported.
-        shadowing_sigma_db: standard deviation of the shadowing (with line of sight, if that matters); 0: there is none.
+        shadowing_sigma_db: standard deviation of the shadowing (with line of sight, if that matters); 0: there is none;
+            nan: the propagation law has a table of its own, by height.
         decorrelation_m: distance over which shadowing falls to 1/e; None: it is drawn anew for each measurement.
     """
 
@@ -66,7 +67,8 @@ class Sensor:
         self.threshold_dbm = float(
             in_steps(np.asarray(self.noise_floor_dbm + config.threshold_db), STEPS_PER_DB)
         )
-        self.shadowing_sigma_db = float(shadowing.in_sight(True) or 0.0) if shadowing.is_random else 0.0
+        sigma_db = shadowing.in_sight(True) if shadowing.is_random else 0.0
+        self.shadowing_sigma_db = math.nan if sigma_db is None else sigma_db
         self.decorrelation_m = shadowing.decorrelation_m if shadowing.is_random else None
 
     def hears(self, frequency_hz: float) -> bool:

@@ -69,8 +69,8 @@ class SensingTerms:
         self._draws = draws
         self._sight = radio.sight
         self._words = LinkWords(run.seed, draws.nodes, "sensing")
-        lasts = fading.is_random and fading.coherence != "packet"
-        self._fading = LastingFading(fading, run, radio.config.frequency_hz) if lasts else None
+        self._fades_anew = fading.coherence == "packet"
+        self._fading: dict[float, LastingFading] = {}
         field = shadowing.is_random and shadowing.decorrelation_m is not None
         self._shadowing = LastingShadowing(shadowing, run) if field else None
         self._states = None if radio.sight is None else LineOfSight(run, radio.sight.decorrelation_m)
@@ -111,7 +111,26 @@ class SensingTerms:
         if not law.is_random:
             return np.zeros(len(ways.emitter))
         elevation_deg = path.elevation_deg if law.by_elevation else np.zeros(())
-        if self._fading is None:
+        if self._fades_anew:
             return np.asarray(law.gain_db(uniform[FADING_I], uniform[FADING_Q], elevation_deg))
-        times_ns = np.full(len(ways.emitter), sim_time_ns, dtype=np.int64)
-        return self._fading.gain_db(places, times_ns, path.distance_m, ways.speed_mps, elevation_deg)
+        out = np.empty(len(ways.emitter))
+        carriers_hz, elevations_deg = (
+            np.broadcast_to(each, out.shape) for each in (path.frequency_hz, elevation_deg)
+        )
+        for carrier_hz in np.unique(carriers_hz).tolist():
+            rows = np.flatnonzero(carriers_hz == carrier_hz)
+            out[rows] = self._fading_at(carrier_hz).gain_db(
+                LinkPlaces(places.word[rows], places.rows[:, rows]),
+                np.full(len(rows), sim_time_ns, dtype=np.int64),
+                path.distance_m[rows],
+                ways.speed_mps[rows],
+                elevations_deg[rows],
+            )
+        return out
+
+    def _fading_at(self, carrier_hz: float) -> LastingFading:
+        """Return the fading that lasts of emitters on a carrier."""
+        if carrier_hz not in self._fading:
+            law, run = self._config.fading, self._draws.draws
+            self._fading[carrier_hz] = LastingFading(law, run, carrier_hz)
+        return self._fading[carrier_hz]

@@ -11,14 +11,12 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Locking
-from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.validity import OutsideValidityError
-from lostlink.plan.places import start_ned_m
+from lostlink.plan.places import Places, path_to, places_at_start
 
 NAMED_MAX = 3
-Places = Mapping[str, FloatArray]
 
 
 def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> Iterator[str]:
@@ -28,7 +26,7 @@ def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> It
         scenario: of the run.
         networks: those to look at; all unless given.
     """
-    places = {node.node: np.array(start_ned_m(node)) for node in scenario.nodes}
+    places = places_at_start(scenario)
     grounds = {node.node for node in scenario.ground}
     for network in scenario.network_names if networks is None else networks:
         radios = radios_of(scenario, emitters_of(scenario), network)
@@ -58,10 +56,7 @@ def _in_words(held: Mapping[str, float], level_dbm: float) -> str:
 
 def _taken_dbm(radio: Radio, node: str, places: Places, *, is_base: bool) -> float:
     """What a node takes in of sources that are always on, less its noise floor; nothing where a law refuses it."""
-    place = places[node][np.newaxis]
-    emitters = {each.name: places[each.name] for each in radio.emitters}
-    path = radio.path_of(place, place, np.zeros(1))
-    path = path._replace(emitters_ned_m=emitters, tx_is_base=is_base, rx_is_base=is_base)
+    path = path_to(radio, node, places, is_base=is_base)
     try:
         noise_dbm = radio.noise_dbm(path, tuple(each.duty >= 1.0 for each in radio.sources))
     except OutsideValidityError:

@@ -67,6 +67,19 @@ def test_pattern_that_is_no_grid():
         Pattern(pattern=((0.0, 0.0, 1.0), (90.0, 10.0, 1.0)))
 
 
+def test_pattern_by_angles_from_the_zenith_is_refused():
+    """As measured patterns often are: 0 up, 180 down."""
+    with pytest.raises(ValidationError, match="elevations have to be from -90 to 90 degrees"):
+        Pattern(pattern=tuple((az, polar, 1.0) for az in (0.0, 90.0) for polar in (0.0, 90.0, 180.0)))
+
+
+def test_pattern_without_rows_is_refused(tmp_path):
+    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n")
+    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
+    with pytest.raises(presets.PresetError, match=r"antenna\.pattern: has to have at least 1"):
+        presets.load_radio("perfect", {"antenna": antenna})
+
+
 def test_pattern_from_csv(tmp_path):
     (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n0,0,9\n180,0,-9\n")
     (tmp_path / "mine.yaml").write_text(

@@ -10,6 +10,9 @@ from channel import presets
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from channel.sensing.measured import Places
+from channel.sensing.sensing import Sensing
+from channel.sensing.sensor import SensorConfig
 
 CARRIER_HZ = 2.412e9
 BARE = {
@@ -30,9 +33,9 @@ def radio_near(emitter: Emitter, **overrides: object) -> Radio:
     return Radio(presets.load_radio("corrected", BARE | overrides), [emitter])
 
 
-def noise_of(radio: Radio, seed: int, count: int = 1) -> tuple[np.ndarray, float]:
+def noise_of(radio: Radio, seed: int, count: int = 1, network: str = "") -> tuple[np.ndarray, float]:
     """Noise of each packet as the record has it, dBm, and the first one's probability of delivery."""
-    medium = Medium(radio, seed=seed, nodes=["0", "1"], emitters=["tower"])
+    medium = Medium(radio, seed=seed, nodes=["0", "1"], emitters=["tower"], network=network)
     medium.emitters.observe(["tower"], 0, [(0.0, 0.0, -TOWER_M)])
     medium.place("0", (AWAY_M, 30.0, -UA_M))
     medium.place("1", (AWAY_M, 0.0, -UA_M))
@@ -94,3 +97,34 @@ def test_a_narrow_radio_takes_its_share_of_a_wide_emitter_and_nothing_5_mhz_off(
     full_dbm, _ = noise_of(radio_near(tower(), bandwidth_hz=130e3), 1)
     expected_dbm = -180.0 if captured_db is None else full_dbm[0] + captured_db
     assert noise_dbm[0] == pytest.approx(expected_dbm, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"shadowing": {"model": "gudmundson", "sigma_db": 8.0, "decorrelation_m": 30.0}},
+        {
+            "shadowing": {
+                "model": "gudmundson",
+                "sigma_db": 8.0,
+                "decorrelation_m": 30.0,
+                "surroundings": "own",
+            }
+        },
+        {"fading": {"model": "rician", "k_db": 3.0, "coherence": "doppler"}},
+        {
+            "propagation": {"model": "uma-av", "outside": "clamp"},
+            "shadowing": {"model": "gudmundson", "decorrelation_m": 30.0},
+        },
+    ],
+)
+def test_radios_of_all_networks_and_sensors_see_an_emitter_alike(law: dict[str, object]) -> None:
+    """What lasts lies between two places: who listens there changes nothing."""
+    radio = radio_near(tower(), **law)
+    config = SensorConfig(radio=radio.config, step_db=0.001)
+    places = Places(np.array([[AWAY_M, 0.0, -UA_M]])), Places(np.array([[0.0, 0.0, -TOWER_M]]))
+    for seed in range(5):
+        measured = Sensing({"1": config}, [tower()], seed=seed).measure(0, *places)
+        drawn = measured.mean_power_dbm + measured.shadowing_db + measured.fading_db
+        noises_dbm = [float(noise_of(radio, seed, network=name)[0][0]) for name in ("", "mesh")]
+        assert noises_dbm == pytest.approx([float(drawn[0])] * 2, abs=2e-3)

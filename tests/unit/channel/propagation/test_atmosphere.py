@@ -11,6 +11,7 @@ from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError
 from channel.propagation import atmosphere
+from channel.validity import OutsideValidityError
 from tests.unit.channel.medium.one_by_one import rows
 
 ITUR = importlib.util.find_spec("itur") is not None
@@ -68,6 +69,15 @@ def test_rates_per_kilometre_become_losses_of_the_way():
     lost = clear.link(distance).received_power_dbm - radio.link(distance).received_power_dbm
     assert lost == pytest.approx(-(terms["gas_db"] + terms["rain_db"]))
     assert clear.link(distance).terms[-1].name == radio.link(distance).terms[-1].name == "path_loss_db"
+
+
+@pytest.mark.usefixtures("in_place_of_itur")
+def test_it_holds_up_to_the_borders_of_its_range():
+    law = atmosphere.ItuAtmosphere()
+    assert law.gas_loss_db(np.ones(2), np.array(law.frequencies_hz)).shape == (2,)
+    for outside_hz in (0.999e9, 1.001e12):
+        with pytest.raises(OutsideValidityError, match="allowed is 1 to 1000"):
+            law.gas_loss_db(np.ones(1), outside_hz)
 
 
 @pytest.mark.usefixtures("in_place_of_itur")

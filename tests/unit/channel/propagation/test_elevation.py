@@ -162,6 +162,50 @@ def test_files_that_are_none_are_named(tmp_path):
     assert later == terrain(TILE)
 
 
+def changed_tile(file, change, *, nodata=None, **attributes):
+    """Write the tile with other numbers, as GDAL keeps them with a scale, an offset and a unit."""
+    import rasterio
+
+    with rasterio.open(TILE) as old:
+        heights, profile = change(old.read(1)), old.profile
+    with rasterio.open(file, "w", **profile | {"nodata": nodata, "dtype": heights.dtype}) as new:
+        new.write(heights, 1)
+        for name, value in attributes.items():
+            setattr(new, name, (value,))
+    return file
+
+
+@needs_rasterio
+def test_scale_and_offset_of_a_file_count(tmp_path):
+    """Decimetres above 1000 m, as whole numbers."""
+    file = tmp_path / "scaled.tif"
+    changed_tile(
+        file, lambda heights: (10 * (heights - 1000)).astype("int16"), scales=0.1, offsets=1000.0, units="m"
+    )
+    north, east = places()
+    found = terrain(file).propagation.height_m(north, east)
+    assert found == pytest.approx(terrain(TILE).propagation.height_m(north, east), abs=2e-3)
+
+
+@needs_rasterio
+@pytest.mark.parametrize("unit", ["ft", "US survey foot"])
+def test_heights_in_feet_are_refused(tmp_path, unit):
+    file = changed_tile(tmp_path / "feet.tif", lambda heights: heights, units=unit)
+    with pytest.raises(PresetError, match=rf"feet\.tif: its heights are in {unit}: has to be metres"):
+        terrain(file)
+
+
+@needs_rasterio
+def test_gaps_that_are_not_marked_are_refused(tmp_path):
+    def with_gap(heights):
+        heights = heights.astype("float32")
+        heights[60, 60] = np.nan
+        return heights
+
+    with pytest.raises(PresetError, match=r"gaps\.tif: has gaps"):
+        terrain(changed_tile(tmp_path / "gaps.tif", with_gap))
+
+
 @needs_rasterio
 def test_gaps_are_refused(tmp_path):
     import rasterio

@@ -62,6 +62,41 @@ def write_classic(file):
             data.createVariable(name, "d", dimensions[name])[:] = values
 
 
+PACKED = {"scale_factor": 0.01, "add_offset": -100.0, "_FillValue": np.int16(-32768)}
+
+
+def packed_db():
+    """Hundredths of a dB above -100 dB, as 16 bits; the first one is missing."""
+    numbers = np.rint((columns()["gain_db"] + 100.0) * 100.0).astype("i2")
+    numbers[0, 0, 0, 0] = -32768
+    return numbers
+
+
+def write_packed_hdf5(file):
+    write_hdf5(file, gain_db=packed_db())
+    with h5py.File(file, "r+") as data:
+        data["gain_db"].attrs.update(PACKED)
+
+
+def write_packed_classic(file):
+    write_classic(file)
+    with netcdf_file(file, "a") as data:
+        packed = data.createVariable("packed", "h", data.variables["gain_db"].dimensions)
+        packed[:] = packed_db()
+        for name, value in PACKED.items():
+            setattr(packed, name, value)
+        data.variables["gain_db"] = data.variables.pop("packed")
+
+
+@pytest.mark.parametrize("write", [write_packed_hdf5, write_packed_classic])
+def test_packed_numbers_are_unpacked(tmp_path, write):
+    """By the conventions of netCDF; otherwise 16 bits of hundredths are gains of thousands of dB."""
+    write(tmp_path / "packed.nc")
+    found, wanted = read_gain_file(tmp_path / "packed.nc").gain_db, columns()["gain_db"].copy()
+    wanted[0, 0, 0, 0] = np.nan
+    assert found == pytest.approx(wanted, abs=0.00501, nan_ok=True)
+
+
 def write_csv(file):
     rows = ["tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"]
     for k, tx in enumerate(TX):

@@ -6,15 +6,24 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 from channel.checks import ChannelInputError
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
-from channel.sensing.measured import OUTCOMES, Measured, SensingOutcome
+from channel.sensing.measured import OUTCOMES, Measured, Places, SensingOutcome
 from channel.sensing.sensing import Sensing
 from channel.sensing.sensor import Sensor
-from tests.unit.channel.sensing.scenes import CARRIER_HZ, PLAIN, config, emitter, law_dbm, measured, told
+from tests.unit.channel.sensing.scenes import (
+    CARRIER_HZ,
+    PLAIN,
+    TICK_NS,
+    config,
+    emitter,
+    law_dbm,
+    measured,
+    told,
+)
 
 HERE = np.array([0.0, 0.0, -40.0])
 
@@ -73,6 +82,33 @@ def test_measurements_come_at_their_rate(rate_hz: float, numbers: list[int]) -> 
     ways = {"0": HERE, "beacon": np.array([200.0, 0.0, -2.0])}
     found = measured({"0": config(rate_hz=rate_hz)}, [emitter()], ways, ticks=8)
     assert found.number.tolist() == numbers
+
+
+@pytest.mark.parametrize("rate_hz", [3.0, 6.0, 7.0, 15.0, 19.0])
+def test_a_measurement_that_is_due_at_a_tick_is_taken_then(rate_hz: float) -> None:
+    """Number n at the first tick from n / rate on, in whole numbers, however the period rounds in nanoseconds."""
+    ways = {"0": HERE, "beacon": np.array([200.0, 0.0, -2.0])}
+    sensing = Sensing({"0": config(rate_hz=rate_hz)}, [emitter()], seed=1)
+    places = Places(ways["0"][np.newaxis]), Places(ways["beacon"][np.newaxis])
+    hour = range(72_000, 72_200)
+    at = {int(n): tick for tick in hour for n in sensing.measure(tick * TICK_NS, *places).number}
+    numbers = sorted(at)[1:]  # the first was due before
+    assert len(numbers) > 25
+    assert [at[n] for n in numbers] == [-(-n * 20 // int(rate_hz)) for n in numbers]
+
+
+def test_fading_goes_with_the_carrier_of_the_emitter() -> None:
+    """Clarke: in a ring the power has the correlation J0(2 pi d / lambda)^2, lambda the emitter's wavelength."""
+    radio = PLAIN | {"fading": {"model": "rayleigh", "coherence": "doppler", "max_coherence_s": 1e4}}
+    sensors, emitters = {"0": config(radio, band_hz=(1e8, 6e9))}, [emitter(frequency_hz=2.4e9)]
+    way_m = 0.1 * 299_792_458.0 / 2.4e9
+    track = HERE + np.outer(np.arange(2000) * way_m, [1.0, 0.0, 0.0])
+    ways = {"0": track, "beacon": np.array([900.0, 500.0, -2.0])}
+    fades = [measured(sensors, emitters, ways, seed=seed, ticks=2000).fading_db for seed in range(3)]
+    varying = 10.0 ** (0.1 * np.array(fades)) - 1.0
+    lags = (1, 2, 4)
+    found = [np.mean(varying[:, lag:] * varying[:, :-lag]) / np.mean(varying**2) for lag in lags]
+    assert found == pytest.approx([special.j0(0.2 * np.pi * lag) ** 2 for lag in lags], abs=0.05)
 
 
 def test_the_mean_is_the_link_budget_from_emitter_to_sensor() -> None:

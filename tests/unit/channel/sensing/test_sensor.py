@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -77,6 +79,8 @@ def test_what_is_known_of_the_law() -> None:
     assert rayleigh.fading_db == pytest.approx((-2.50682, 5.57000), abs=2e-3)
     none = Sensor(config({"fading": {"model": "none"}, "shadowing": {"model": "none"}}))
     assert (none.shadowing_sigma_db, none.decorrelation_m, none.fading_db) == (0.0, None, (0.0, 0.0))
+    by_table = Sensor(config({"propagation": {"model": "uma-av"}, "shadowing": {"model": "normal"}}))
+    assert math.isnan(by_table.shadowing_sigma_db)
 
 
 @pytest.mark.parametrize("step_db", [0.001, 0.3, 0.5, 1.0])

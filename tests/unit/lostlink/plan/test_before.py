@@ -99,6 +99,65 @@ def test_places_that_a_law_refuses_are_warned_of() -> None:
     assert warnings(**radio) == []
 
 
+EMITTER = {
+    "id": "e",
+    "kind": "emitter",
+    "place": {"north_m": 900.0},
+    "frequency_hz": 915e6,
+    "power_dbm": 20.0,
+}
+SMALL = {"model": "terrain", "heights_m": [[0.0, 0.0], [0.0, 0.0]], "spacing_m": 100.0}
+
+
+@pytest.mark.parametrize(
+    ("law", "changes", "told"),
+    [
+        (SMALL, {}, "place (north, east) = (890.0, 0.0): allowed is within the terrain"),
+        (
+            {"model": "al-hourani"},
+            {"frequency_hz": 433.92e6},
+            "frequency_hz = 433920000.0: allowed is 7e+08 to",
+        ),
+        (
+            {"model": "okumura-hata"},
+            {"place": {"north_m": 1500.0, "height_m": 30.0}},
+            "mobile = 0.1: allowed is",
+        ),
+        ({"model": "uma-av"}, {}, "height of the aircraft = 0.1: allowed is 22.5 to 300"),
+        ({"model": "al-hourani"}, {}, ""),
+        (SMALL | {"outside": "border"}, {}, ""),
+        (SMALL, {"frequency_hz": 5e9}, ""),  # out of the sensor's band
+    ],
+)
+def test_what_a_sensor_s_law_refuses_is_warned_of(
+    law: dict[str, Any], changes: dict[str, Any], told: str
+) -> None:
+    """Its first measurement ends the run."""
+    sensor = {"preset": "rf-sensor", "frequency_hz": 915e6, "propagation": law}
+    nodes = [{"id": 0, "sensor": {"radio": sensor, "band_hz": [4e8, 3e9]}} | STILL, EMITTER | changes]
+    lines = [line for line in warnings(radio="perfect", nodes=nodes) if "measurement ends the run" in line]
+    assert len(lines) == bool(told)
+    for line in lines:
+        assert line.startswith("sensor of node 0: towards emitter e, where they are at the start, ")
+        assert told in line
+
+
+@pytest.mark.parametrize("as_interferer", [False, True])
+def test_what_a_radio_s_law_refuses_of_emitters_is_warned_of(*, as_interferer: bool) -> None:
+    """The first packet to a node that hears it ends the run; the nodes themselves stand on the terrain."""
+    radio: dict[str, Any] = RADIO | {"propagation": SMALL | {"origin_north_m": -50.0, "origin_east_m": -50.0}}
+    nodes: list[dict[str, Any]] = [{"id": 0} | STILL, {"id": 1, "home": {"north_m": 10.0}} | STILL]
+    assert warnings(radio=radio, nodes=nodes) == []
+    source = {"position_ned_m": [900.0, 0.0, -2.0], "power_dbm": 20.0, "name": "e"}
+    heard = {"radio": radio | {"interference": {"interferers": [source]}}, "nodes": nodes}
+    if not as_interferer:
+        heard = {"radio": radio, "nodes": [*nodes, EMITTER]}
+    [line] = [line for line in warnings(**heard) if "ends the run" in line]
+    assert line.startswith(
+        "radio of network main: from e to node 0, where they are at the start, place (north"
+    )
+
+
 LATE: dict[str, dict[str, Any]] = {
     "wind.gusts.1: it begins at 60 s, and the run ends at duration_s, 60 s": {
         "wind": {"gusts": [{"speed_mps": 3, "from_deg": 0, "start_s": at_s} for at_s in (59, 60)]}

@@ -548,6 +548,19 @@ def test_an_emitter_that_a_sensor_hears_is_not_warned_of() -> None:
     assert not [line for line in plan_of(parse_scenario(text, "jammed.yaml")).warnings if "jammer" in line]
 
 
+def test_sensors_that_measure_no_emitter_are_warned_of() -> None:
+    """MHz for Hz, say: beside the one of the mast, which hears it, two never would report anything."""
+    told = {"0": "{band_hz: [2400, 2500]}", "mast": "{radio: wifi-2.4}"}
+    text = JAMMED.replace("PROPAGATION", "{model: free-space}")
+    for node, sensor in told.items():
+        text = text.replace(f"id: {node},", f"id: {node}, sensor: {sensor},")
+    text += "  - {id: 1, home: {north_m: 350}, sensor: {band_hz: [2400, 2500]}, agent: {type: still}}\n"
+    lines = [line for line in plan_of(parse_scenario(text, "jammed.yaml")).warnings if "sensor" in line]
+    assert lines == [
+        "sensor of node 0, 1: no emitter has its frequency in its band, 0.0024 to 0.0025 MHz (sensor.band_hz)"
+    ]
+
+
 def test_a_law_that_refuses_a_place_on_the_ground_ends_no_plan() -> None:
     """rma-av is for a base of 35 m and UA from 1.5 m on: a UA at home is lower, the mast is what it is made for."""
     refused, clamped = held("{model: rma-av}"), held("{model: rma-av, outside: clamp}")
