@@ -201,8 +201,8 @@ class Telemetry:
         if not self._on_earth(lat, lon):
             return
         values = self._values
-        knows_no_place = lat == lon == 0 and "home_lat_deg" not in values  # ArduPilot, before its filter has an origin
-        if not knows_no_place:
+        is_known = lat or lon or "home_lat_deg" in values  # to ArduPilot, before it has a home, it is 0, 0
+        if is_known:
             values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
             values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
         if not self._has_local:
