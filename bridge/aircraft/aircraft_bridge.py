@@ -175,6 +175,8 @@ def _object(text: str) -> dict[str, Any]:
         content = json.loads(text)
     except RecursionError as error:
         raise ValueError("the arguments are nested too deep") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"arguments are a JSON object, not {text[:40]!r}: {error}") from error
     if not isinstance(content, dict):
         raise ValueError(f"arguments are a JSON object, not {text[:40]!r}")
     return content

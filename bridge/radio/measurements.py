@@ -36,6 +36,15 @@ class Told(NamedTuple):
     frequency_hz: float
     power_dbm: float
 
+    @classmethod
+    def of(
+        cls, node: int, number: int, power_dbm: float, tells: Identifies, emitter: str, carrier_hz: float
+    ) -> Told:
+        """What is told of an emitter on a carrier by a sensor that identifies so much."""
+        # a number that sorts, also where it is not known: NaN takes its place in `as_message`
+        frequency_hz = 0.0 if tells == "none" else carrier_hz
+        return cls(node, number, emitter if tells == "id" else "", frequency_hz, power_dbm)
+
 
 class RfSensors:
     """The sensors of a run at its medium.
@@ -85,11 +94,8 @@ class RfSensors:
         return sorted(self._told(*row) for row in values)
 
     def _told(self, sensor: int, emitter: int, number: int, power_dbm: float) -> Told:
-        source, tells = self._sensing.emitters[emitter], self._identifies[sensor]
-        name = source.name if tells == "id" else ""
-        # a number that sorts, also where it is not known: NaN takes its place in `as_message`
-        frequency_hz = 0.0 if tells == "none" else source.frequency_hz
-        return Told(int(self._node[sensor]), number, name, frequency_hz, power_dbm)
+        source, node = self._sensing.emitters[emitter], int(self._node[sensor])
+        return Told.of(node, number, power_dbm, self._identifies[sensor], source.name, source.frequency_hz)
 
 
 def as_message(sim_time_ns: int, told: Sequence[Told], frame_id: str = "") -> Measurements:

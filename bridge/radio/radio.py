@@ -184,7 +184,10 @@ class RecordedRadio:
             return
         if refused.seq < self.core.next_packet(node).seq:
             self._several.add(node)
-            text = "two programs transmit as it at once: of packets with one number the later is refused"
+            text = (
+                "a packet with a number that was used is refused: two programs transmit as it at once, or one repeats "
+                "itself"
+            )
             self._report.event(self.core.ring.received_ns, node, AGENT_WARNING, text)
 
     def tell_refusal(self, text: str) -> None:

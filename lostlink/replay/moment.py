@@ -19,6 +19,7 @@ from bridge.bus.messages import (
     Fates,
     Header,
     Links,
+    Measurements,
     Truth,
     Truths,
 )
@@ -182,6 +183,14 @@ class Moment:
         at = self._at
         found = {n: at.states.at(n, self.sim_time_ns) for n in (at.nodes if wanted is None else wanted)}
         return {node: state for node, state in found.items() if state is not None}
+
+    def measurements(self) -> Sequence[tuple[str, Measurements]]:
+        """What the RF sensor of each node reported at this tick, by node.
+
+        Raises:
+            TableError, OSError: the table of measurements is damaged or cannot be read.
+        """
+        return self._at.measured.at(self.sim_time_ns)
 
     def events(self) -> list[RunEvent]:
         """What the run's processes reported between the tick before and this one."""

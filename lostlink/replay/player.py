@@ -28,6 +28,7 @@ from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
+from lostlink.replay.measured import ReportedMeasurements
 from lostlink.replay.moment import Moment
 
 
@@ -163,6 +164,11 @@ class Player:
     def states(self) -> States:
         """The states of each node."""
         return States.read(self.run, self.nodes)
+
+    @cached_property
+    def measured(self) -> ReportedMeasurements:
+        """What sensors reported."""
+        return ReportedMeasurements(self.run, self.scenario, self.nodes)
 
     @cached_property
     def logged(self) -> dict[str, NodeLogged]:

@@ -168,7 +168,7 @@ def fly_case(directory: Path) -> int:
             run = recorded(directory) or _flown(plan, directory)
         except Exception as error:
             traceback.print_exc()
-            write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error, directory)))
+            write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error, plan, directory)))
             return TAKEN if isinstance(error, PortsTaken) else 1
         if run is None:
             return 1  # interrupted
@@ -194,7 +194,7 @@ def _measured(path: Path, plan: CasePlan) -> dict[str, Any]:
         )
     except Exception as error:
         traceback.print_exc()
-        return _result(plan, metrics, {}, metrics.get("error") or _told(error, path.parent))
+        return _result(plan, metrics, {}, metrics.get("error") or _told(error, plan, path.parent))
 
 
 def _result(
@@ -203,9 +203,15 @@ def _result(
     return {"failure": failure, "measures": plan.measures, "metrics": metrics, "timing": timing}
 
 
-def _told(error: Exception, directory: Path) -> str:
+def _told(error: Exception, plan: CasePlan, directory: Path) -> str:
+    """An error in words in which no path hangs on where the study's folder lies."""
     told = str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
-    return as_seen_from(directory, told)
+    for folder in (
+        directory,
+        *(Path(each.place).parent for each in plan.metrics if each.place.endswith(".py")),
+    ):
+        told = as_seen_from(folder, told)
+    return told
 
 
 def recorded(directory: Path) -> Path | None:

@@ -156,7 +156,10 @@ class Study:
         """Why a run failed, with where the files are that this names; "" if it did not."""
         result = read_result(path)
         if result is None:
-            return f"its process ended without a result; see {path / LOG_FILE}"
+            file = path / LOG_FILE
+            is_empty = not file.exists() or not file.stat().st_size
+            why = "is empty: it was killed, or the disk is full" if is_empty else "may say why"
+            return f"its process ended without a result; {file} {why}"
         return f"{result['failure']} (in {path / result.get('run', '')})" if result["failure"] else ""
 
     def _plan(self, case: Case) -> CasePlan:

@@ -19,8 +19,7 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     """Write rows in their order; columns in the order in which they first appear, empty where a row has none.
 
     Raises:
-        StudyError: a column has values of several kinds.
-        OSError: the file cannot be written.
+        StudyError: a column has values of several kinds, or the file cannot be written.
     """
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {}
@@ -39,8 +38,11 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             raise StudyError(
                 f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
             ) from error
-    with whole_file(path, is_shared=True) as partial:  # the same study may be flown twice at a time
-        pq.write_table(pa.table(columns), partial, compression="zstd")
+    try:
+        with whole_file(path, is_shared=True) as partial:  # the same study may be flown twice at a time
+            pq.write_table(pa.table(columns), partial, compression="zstd")
+    except OSError as error:  # of a full disk it names no file
+        raise StudyError(f"{path}: {error}; no table was written{_before(path)}") from error
 
 
 def _before(path: Path) -> str:

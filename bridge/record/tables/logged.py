@@ -81,7 +81,10 @@ def write_logged(run: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    kinds = (pa.int64(), pa.string(), pa.string(), pa.string(), pa.float64(), pa.string())
+    names = pa.dictionary(
+        pa.int16(), pa.string()
+    )  # of nodes as in the other tables, which are joined by them
+    kinds = (pa.int64(), names, pa.string(), pa.string(), pa.float64(), pa.string())
     schema = pa.schema(list(zip(LoggedRow._fields, kinds, strict=True)))
     with whole_file(path) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
@@ -91,10 +94,15 @@ def write_logged(run: Path) -> None:
 
 
 def _columns(rows: Sequence[LoggedRow]) -> list[Any]:
+    import pyarrow as pa
+
     ticks_ns, nodes, names, keys, values, said = zip(*rows, strict=True)
+    own: dict[str, int] = {}
+    places = np.array([own.setdefault(node, len(own)) for node in nodes], dtype=np.int16)
     return [
         numbers(np.array(ticks_ns, dtype=np.int64)),
-        *(texts(each) for each in (nodes, names, keys)),
+        pa.DictionaryArray.from_arrays(numbers(places), texts(list(own))),
+        *(texts(each) for each in (names, keys)),
         numbers(np.array(values, dtype=np.float64)),
         texts(said),
     ]

@@ -26,12 +26,13 @@ class MomentPublisher:
         self._session = session
         self._keys = keys
         self._waits = False
-        nodes, stations = scenario.stations, scenario.transceiver_ids
-        self._wants_truth = self._interests(nodes, keys.truth)
-        self._wants_state = self._interests(stations, keys.state)
+        nodes = scenario.transceiver_ids
+        self._wants_truth = self._interests(scenario.stations, keys.truth)
+        self._wants_state = self._interests(nodes, keys.state)
         self._wants_rx = self._interests(nodes, lambda node: keys.rx(node, "*", "*"))
         self._wants_status = self._interests(nodes, keys.comm_status)
         self._wants_report = self._interests(nodes, keys.agent)
+        self._wants_measurements = self._interests(nodes, keys.measurements)
         self._wants_logged = self._interests(nodes, lambda node: keys.logged(node, "*"))
         records = ("truths", "fates", "communication", "links")
         self._wants_tick = self._interests(records, keys.tick)
@@ -55,6 +56,7 @@ class MomentPublisher:
         self._states(moment, everything=everything)
         self._received(moment)
         self._statuses(moment)
+        self._measured(moment)
         self._logged(moment)
         header = Header.at(moment.sim_time_ns, "")
         self._session.put(self._keys.clock_release, header, must_arrive=True)
@@ -107,6 +109,13 @@ class MomentPublisher:
             node = status.header.frame_id
             if self._wants_status[node]():
                 self._session.put(self._keys.comm_status(node), status, must_arrive=True)
+
+    def _measured(self, moment: Moment) -> None:
+        if not any(wants() for wants in self._wants_measurements.values()):
+            return
+        for node, message in moment.measurements():
+            if self._wants_measurements[node]():
+                self._session.put(self._keys.measurements(node), message, must_arrive=True)
 
     def _logged(self, moment: Moment) -> None:
         if not any(wants() for each in (self._wants_report, self._wants_logged) for wants in each.values()):

@@ -234,7 +234,7 @@ def test_two_programs_at_once_as_one_node_are_told_of(start_run: StartRun) -> No
     asyncio.run(talk())
     assert run.finish() == 0, run.output.decode()
     told = [event for event in load_run(run.directory).summary["events"] if event["kind"] == "agent_warning"]
-    text = "two programs transmit as it at once: of packets with one number the later is refused"
+    text = "a packet with a number that was used is refused: two programs transmit as it at once, or one repeats itself"
     assert [(event["node"], event["text"]) for event in told] == [("probe", text)]
     assert f"the agent of node probe: {text}" in run.output.decode()
 

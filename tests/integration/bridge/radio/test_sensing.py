@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from bridge.agents import connect_ua
+from bridge.agents.measurements import Measurement, measurements_by_node
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.schema import Table
@@ -372,15 +374,25 @@ def test_a_program_beside_the_run_gets_what_the_sensor_of_its_node_tells(start_r
     )
     run.wait_for("sim time")
 
+    heard: list[Measurement] = []
+
     async def listen() -> set[str | None]:
         async with connect_ua(run.directory, "van") as ua:
-            came = asyncio.Event()
-            ua.on_measurement(lambda _: came.set())
-            await asyncio.wait_for(came.wait(), 30.0)
+            enough = asyncio.Event()
+            ua.on_measurement(lambda each: heard.append(each) or len(heard) < 20 or enough.set())
+            await asyncio.wait_for(enough.wait(), 30.0)
             return {each.emitter for each in ua.measurements.latest}
 
     assert asyncio.run(listen()) == {"e0", "e1"}
     assert run.finish() == 0, run.output.decode()
+    again: dict[int, list[Measurement]] = {}
+    for moment in Player.open(run.directory).moments():
+        for node, message in moment.measurements():
+            assert (node, message.header.frame_id) == ("van", "van")
+            (again[moment.sim_time_ns],) = measurements_by_node(message).values()
+    assert [replace(each, state=None, place_ned_m=None) for each in heard] == [
+        each for at_ns in sorted({each.sim_time_ns for each in heard}) for each in again[at_ns]
+    ][: len(heard)]
 
 
 def test_in_the_record_a_sensor_on_the_ground_is_the_base_and_one_on_a_ua_is_not(start_run: StartRun) -> None:

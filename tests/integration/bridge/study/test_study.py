@@ -179,7 +179,7 @@ def test_a_run_that_fails_is_told_and_flown_again(make_study, tmp_path):
     failed = fly(file, out)
     assert failed.returncode == 1
     assert "ZeroDivisionError" in failed.stdout
-    assert {row["failure"] for row in table(out)} == {f"{own}:measure: ZeroDivisionError: division by zero"}
+    assert {row["failure"] for row in table(out)} == {"own.py:measure: ZeroDivisionError: division by zero"}
     own.write_text(OWN, encoding="utf-8")
     assert fly(file, out).returncode == 0
     assert {row["failure"] for row in table(out)} == {""}

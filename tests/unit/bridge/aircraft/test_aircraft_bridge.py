@@ -71,6 +71,7 @@ def test_what_cannot_be_done_is_told_at_once(
         ("goto_ned", '{"up_m": 3}', "goto_ned has no argument 'up_m'"),
         ("parameter_get", '{"on_done": 3}', "parameter_get has no argument 'on_done'"),
         ("velocity", "[1, 2]", "arguments are a JSON object"),
+        ("velocity", "north_mps: 1", "arguments are a JSON object, not 'north_mps: 1': Expecting value"),
         ("velocity", "{", "Expecting property name"),
         ("velocity", "[" * 100_000, "nested too deep"),
     ],

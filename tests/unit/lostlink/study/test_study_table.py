@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,17 @@ import pytest
 
 from lostlink.study.model import StudyError
 from lostlink.study.table import write_table
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "Error writing bytes to file")
+
+    path = tmp_path / "metrics.parquet"
+    monkeypatch.setattr("pyarrow.parquet.write_table", full)
+    with pytest.raises(StudyError, match=f"^{re.escape(str(path))}: .*bytes to file; no table was written$"):
+        write_table([{"x": 1}], path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("values", [(1, "one"), (1, 1 << 70)])

@@ -15,6 +15,7 @@ from bridge.record.digests import digests
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.streams import Entry
 from bridge.record.tables.logged import LOGGED_FILE, LoggedRow
+from bridge.record.tables.truth import TRUTH
 from lostlink.cli.records.export import export
 from tests.unit.bridge.record.runs import RunContent, make_run
 
@@ -45,6 +46,10 @@ def test_a_run_that_is_over_has_what_agents_logged_as_parquet(tmp_path: Path) ->
     run = make_run(tmp_path / "run", log)
     found = [tuple(row.values()) for row in pq.read_table(run / LOGGED_FILE).to_pylist()]
     assert list(map(repr, found)) == [repr(tuple(row)) for row in ROWS]
+    assert (
+        pq.read_schema(run / LOGGED_FILE).field("node").type
+        == pq.read_schema(TRUTH.parquet_path(run)).field("node").type
+    )
     assert "logged" not in digests(run)
     assert not (make_run(tmp_path / "other") / LOGGED_FILE).exists()
 

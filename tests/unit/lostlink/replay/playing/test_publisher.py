@@ -67,6 +67,19 @@ def test_what_agents_said_is_published_if_it_is_wanted(
     assert session.told == told
 
 
+def test_keys_of_emitters_that_somebody_wants_do_no_harm(tmp_path: Path) -> None:
+    """As of a subscriber to all: emitters have a place, and nothing else that a node has."""
+    scenario = scenario_of("perfect", ("0", "1"), emitters=("beacon",))
+    player = Player.open(flown(tmp_path / "made", scenario, 3, lambda _: [Sent("0")]))
+    session = Wanting(
+        *(key for node in ("1", "beacon") for key in (KEYS.rx(node, "*", "*"), KEYS.comm_status(node)))
+    )
+    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    for moment in player.moments():
+        publisher.publish(moment, Pace(1.0, 0, 0.0))
+    assert {key for key, _, _ in session.told} == {KEYS.rx("1", "0", "team"), KEYS.comm_status("1")}
+
+
 def test_packets_have_the_encoding_that_they_were_sent_with(tmp_path: Path) -> None:
     def send(_: int) -> list[Sent]:
         return [Sent("0", encoding="text/plain"), Sent("1")]
