@@ -13,6 +13,7 @@ import numpy as np
 from bridge.record.packets import SentPacket, packets_of
 from bridge.record.tables.deliveries import DELIVERIES, FATES, GAPS_FROM, Cause, Gap, labels_of
 from bridge.record.tables.reader import read_batches
+from bridge.record.tables.truth import TRUTH
 from channel.medium.reception import EVERYBODY
 from channel.network.entry import FIRST_EXACT
 
@@ -86,14 +87,23 @@ def _gaps(run: Path, nodes: Sequence[str], free: Collection[str]) -> dict[str, l
     found: dict[str, list[Repeated]] = {node: [] for node in nodes if node in free}
     if not DELIVERIES.is_in(run):
         return found
-    places = [nodes.index(node) for node in found]
+    places, last_ns = [nodes.index(node) for node in found], _last_tick(run)
     for rows in read_batches(run, DELIVERIES, _COLUMNS, labels_of(nodes)):
         mine = np.isin(rows["tx"], places) & (rows["fate"] >= GAPS_FROM)
         columns = (rows[name][mine].tolist() for name in _COLUMNS)
         for at_ns, tx, rx, seq, count, length_bytes, fate, received_ns, *said in zip(*columns, strict=True):
             to = EVERYBODY if rx == len(nodes) else rx
             gap = Gap(at_ns, tx, to, seq, count, length_bytes, Cause(FATES[fate]), *said)
-            found[nodes[tx]].append(Repeated(min(at_ns, received_ns), seq, nodes[tx], gap))
+            latest_ns = (
+                received_ns if received_ns > last_ns else received_ns - 1
+            )  # the last may be of the end
+            found[nodes[tx]].append(Repeated(min(at_ns, latest_ns), seq, nodes[tx], gap))
     for gaps in found.values():
         gaps.sort(key=lambda gap: gap.seq)
     return found
+
+
+def _last_tick(run: Path) -> int:
+    """The last tick that has truth, ns; -1 if none has."""
+    ticks = read_batches(run, TRUTH, (TRUTH.tick,)) if TRUTH.is_in(run) else ()
+    return max((int(batch[TRUTH.tick].max()) for batch in ticks), default=-1)

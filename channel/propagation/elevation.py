@@ -20,6 +20,8 @@ EXTRA = "lostlink[terrain]"
 M_PER_DEG = 111_319.5
 """ArduPilot's scale of latitude (`LATLON_TO_M`), in which the positions of a run are."""
 MAX_POINTS = 16_000_000
+FEET = "ft", "foot", "feet"
+"""In the names that files have for units of feet, in capitals or not."""
 
 
 class ElevationError(ValueError):
@@ -82,7 +84,7 @@ def _sampled(file: Path, lat_deg: FloatArray, lon_deg: FloatArray) -> FloatArray
         with rasterio.open(file) as data:
             if data.crs is None:
                 raise ElevationError(f"{file}: has no coordinate system")
-            if "f" in (data.units[0] or ""):
+            if any(unit in (data.units[0] or "").lower() for unit in FEET):
                 raise ElevationError(f"{file}: its heights are in {data.units[0]}: has to be metres")
             column, row = _pixels(data, lat_deg, lon_deg)
             inside = (

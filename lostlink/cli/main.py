@@ -6,7 +6,10 @@ import errno
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module, metadata
+from typing import Any
 
 import click
 
@@ -42,6 +45,17 @@ COMMANDS = {
 """The module of each command, which has its name there too. Only that of the command given is imported."""
 
 
+@contextmanager
+def _read_or_ended() -> Iterator[None]:
+    """End with a status of its own if nobody reads what is printed: 1, as of click, would be that of a failure."""
+    try:
+        yield
+    except BrokenPipeError:
+        for number in (1, 2):  # what is still to be written at the end comes to nothing
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        sys.exit(OUTPUT_CLOSED)
+
+
 class LazyCommands(click.Group):
     """A group whose commands are imported when they are asked for."""
 
@@ -56,14 +70,15 @@ class LazyCommands(click.Group):
         command = getattr(import_module(COMMANDS[cmd_name]), cmd_name)
         return command if isinstance(command, click.Command) else None
 
+    def make_context(self, *arguments: Any, **options: Any) -> click.Context:
+        """As click does it, but for the status if nobody reads the help."""
+        with _read_or_ended():
+            return super().make_context(*arguments, **options)
+
     def invoke(self, ctx: click.Context) -> object:
-        """As click does it, but for the status if nobody reads what is printed: 1 would be that of a failure."""
-        try:
+        """As click does it, but for the status if nobody reads what is printed."""
+        with _read_or_ended():
             return super().invoke(ctx)
-        except BrokenPipeError:
-            for number in (1, 2):  # what is still to be written at the end comes to nothing
-                os.dup2(os.open(os.devnull, os.O_WRONLY), number)
-            sys.exit(OUTPUT_CLOSED)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -102,6 +117,11 @@ def lostlink() -> None:
 
 def main() -> None:
     """Entry point: errors of use end with status 2, a broken pipe quietly."""
+    with _read_or_ended():
+        _command()
+
+
+def _command() -> None:
     try:
         sys.exit(lostlink(prog_name="lostlink", standalone_mode=False))
     except click.UsageError as error:

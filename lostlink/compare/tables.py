@@ -123,7 +123,7 @@ class _Kept:
         self._tick, self._until_ns = table.tick, NEVER_NS if until_ns is None else until_ns
         self._received_ns: int | None = None
         if self._until_ns < NEVER_NS and RECEIVED in [column.name for column in table.columns]:
-            self._received_ns = min(_latest(run, table) for run in (run_a, run_b))
+            self._received_ns = min(_latest(run, table, self._until_ns) for run in (run_a, run_b))
 
     def rows(self, batches: Iterator[Columns]) -> Iterator[Columns]:
         """Those of the batches that are."""
@@ -144,9 +144,13 @@ def _ends(run: Path, table: Table) -> dict[str, int]:
     return found
 
 
-def _latest(run: Path, table: Table) -> int:
-    """When the last of what is in a table was received."""
-    return max((int(batch[RECEIVED].max()) for batch in read_batches(run, table, (RECEIVED,))), default=-1)
+def _latest(run: Path, table: Table, until_ns: int) -> int:
+    """When the last packet of those up to a sim time was received: what is settled at the end may come later."""
+    batches = read_batches(run, table, (table.tick, RECEIVED))
+    return max(
+        (int(batch[RECEIVED].max(where=batch[table.tick] <= until_ns, initial=-1)) for batch in batches),
+        default=-1,
+    )
 
 
 def _first_difference(a: Columns, b: Columns, table: Table) -> tuple[int, str]:

@@ -30,14 +30,18 @@ def places_of(run: Path, nodes: Sequence[str]) -> tuple[NDArray[np.int64], dict[
         TableError, OSError: the true states are missing or damaged, or cannot be read.
     """
     truth = TrueStates.read(run, nodes, POSITION)
-    ticks = len(truth.ticks_ns)
-    places = np.full((len(nodes), 1 + ticks, 3), np.nan)
-    row = np.zeros((len(nodes), 1 + ticks), dtype=np.intp)
-    row[truth.node, truth.tick + 1] = truth.tick + 1
-    places[truth.node, truth.tick + 1] = truth.position_ned_m
-    latest = np.maximum.accumulate(row, axis=1)[:, 1:]
-    held = np.take_along_axis(places, latest[:, :, np.newaxis], axis=1)
-    return truth.ticks_ns, dict(zip(nodes, held, strict=True))
+    places = np.full((len(nodes), len(truth.ticks_ns), 3), np.nan)
+    places[truth.node, truth.tick] = truth.position_ned_m
+    for track in places:
+        _hold(track)
+    return truth.ticks_ns, dict(zip(nodes, places, strict=True))
+
+
+def _hold(track: Floats) -> None:
+    """Put the place before it at each tick that has none."""
+    has_none = np.isnan(track[:, 0])
+    if has_none.any():
+        track[:] = track[np.maximum.accumulate(np.where(has_none, 0, np.arange(len(track))))]
 
 
 def places_at(ticks_ns: NDArray[np.int64], track: Floats, at_ns: NDArray[np.int64]) -> Floats:

@@ -39,6 +39,10 @@ BY_COMMAND: Final = -1
 """In place of a MAV_FRAME: the usual one for the command."""
 _RELATIVE: Final = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 _MISSION: Final = int(mavlink.MAV_FRAME_MISSION)
+_WITH_HEIGHT: Final = frozenset(
+    {int(mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT), int(mavlink.MAV_CMD_CONDITION_CHANGE_ALT)}
+)
+"""Commands without a position, but with a height, which ArduPilot takes for one above the sea in MAV_FRAME_MISSION."""
 _FLOAT32_MAX: Final = (2.0 - 2.0**-23) * 2.0**127
 """What the four bytes of a parameter can hold."""
 
@@ -52,8 +56,8 @@ class MissionItem:
         params: its seven parameters, as the MAVLink guide numbers them from 1. Of commands with a position the fifth
             and sixth are latitude and longitude, degrees (metres in a local frame), the seventh is the height, m. NaN:
             not given.
-        frame: MAV_FRAME; 3 (GLOBAL_RELATIVE_ALT): heights count from home. By itself 3 for commands with a position, 2
-            (MISSION) for those without, which PX4 takes in no other (mavlink_mission.cpp).
+        frame: MAV_FRAME; 3 (GLOBAL_RELATIVE_ALT): heights count from home. By itself 3 for commands with a position or
+            a height, 2 (MISSION) for the others, which PX4 takes in no other (mavlink_mission.cpp).
         autocontinue: whether the autopilot goes on by itself afterwards.
 
     Raises:
@@ -67,7 +71,8 @@ class MissionItem:
 
     def __post_init__(self) -> None:
         if self.frame == BY_COMMAND:
-            object.__setattr__(self, "frame", _RELATIVE if has_location(self.command) else _MISSION)
+            is_somewhere = self.command in _WITH_HEIGHT or has_location(self.command)
+            object.__setattr__(self, "frame", _RELATIVE if is_somewhere else _MISSION)
         if not 0 <= self.command <= 0xFFFF or not 0 <= self.frame <= 0xFF:
             raise ValueError(f"command {self.command} and frame {self.frame} must be in 0..65535 and 0..255")
         if len(self.params) != 7:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
@@ -35,18 +36,28 @@ NODES: list[dict[str, Any]] = [
 IDEAL = {name: value for name, value in CSMA.items() if name != "medium"}
 MEDIA = {"csma": CSMA | {"mtu_bytes": 1500}, "ideal": IDEAL | {"mtu_bytes": 1500}}
 MANY = pytest.param("many", marks=pytest.mark.long)
-
-
+ENOUGH = {"1": 40, "probe": 40, "raw": 40}
+"""Packets of each that are heard before a run is done, however late a program joins it."""
 Say = Callable[[int], object]
 
 
-def flies(start_run: StartRun, medium: str, processes: str, duration_s: float = 6.0, **more: Any) -> Run:
+def flies(
+    start_run: StartRun,
+    medium: str,
+    processes: str,
+    duration_s: float = 600.0,
+    enough: dict[str, int] | None = None,
+    **more: Any,
+) -> Run:
+    """A run that is done when node 0 heard enough, which programs are to join."""
+    agent = NODES[0]["agent"] | {"options": {} if enough is None else {"enough": enough}}
+    nodes = [NODES[0] | {"agent": agent}, *NODES[1:]]
     content: dict[str, Any] = {
         "radio": MEDIA[medium],
         "networks": {"mesh": MEDIA["ideal"]},
         "transmit": FLAT | {"phase_s": "drawn"},
     }
-    text = scenario(NODES, **(content | more))
+    text = scenario(nodes, **(content | more))
     run = start_run(scenario=text, duration_s=duration_s, speed="2", processes=processes)
     run.wait_for("sim time")
     return run
@@ -60,11 +71,12 @@ async def each_tick(program: UaClient, say: Say) -> None:
         await program.wait_for(lambda _: False)
 
 
-async def probe(run: Run) -> None:
+async def probe(run: Run, beside: Say = lambda _: None) -> None:
     """Packets of all kinds: to all, one, a group, by another radio, with handling, too long for the radio."""
     async with connect_ua(run.directory, "probe", is_sender=True) as program:
 
         def say(number: int) -> None:
+            beside(number)
             program.transmit("test", bytes(300))
             program.transmit("test", bytes(1400), to="0")
             for _ in range(2):
@@ -77,11 +89,16 @@ async def probe(run: Run) -> None:
         await each_tick(program, say)
 
 
-async def pilot(run: Run) -> None:
+async def pilot(run: Run, beside: Say = lambda _: None) -> None:
     """A UA's program: it gives commands, too."""
     async with connect_ua(run.directory, 1, is_sender=True) as program:
         await program.set_mode("GUIDED")
-        await each_tick(program, lambda number: program.transmit("test", bytes(200 + number)))
+
+        def say(number: int) -> None:
+            beside(number)
+            program.transmit("test", bytes(200 + number))
+
+        await each_tick(program, say)
 
 
 async def raw(run: Run, beside: Say = lambda _: None) -> None:
@@ -99,6 +116,18 @@ async def raw(run: Run, beside: Say = lambda _: None) -> None:
                     session.put_bytes(key, bytes(150), attachment=stamp, must_arrive=True)
 
             await each_tick(program, say)
+
+
+def once_all_said(ticks: int, programs: int, do: Callable[[], object]) -> Say:
+    """What programs have beside them that something may be done once, when each has said so much."""
+    said: Counter[int] = Counter()
+
+    def beside(number: int) -> None:
+        said[number] += 1
+        if (number, said[number]) == (ticks, programs):
+            do()
+
+    return beside
 
 
 def talk(*programs: Awaitable[None]) -> None:
@@ -130,7 +159,7 @@ def test_what_free_programs_transmitted_is_repeated(
     tmp_path: Path,
     free_slot: Callable[[int], int],
 ) -> None:
-    run = flies(start_run, medium, processes, lookahead_ticks=lookahead_ticks)
+    run = flies(start_run, medium, processes, enough=ENOUGH, lookahead_ticks=lookahead_ticks)
     talk(probe(run), pilot(run), raw(run))
     assert run.finish() == 0, run.output.decode()
     flown = load_run(run.directory).packets
@@ -160,15 +189,15 @@ def test_a_run_that_was_cut_off_is_repeated_up_to_there(
     tmp_path: Path,
     free_slot: Callable[[int], int],
 ) -> None:
-    run = flies(start_run, "csma", processes, duration_s=600.0)
+    run = flies(start_run, "csma", processes)
 
-    def end(tick: int) -> None:
-        if tick == 60:
-            children = run.children() if number == signal.SIGKILL else []
-            for each in (psutil.Process(run.process.pid), *children):
-                each.send_signal(number)
+    def end() -> None:
+        children = run.children() if number == signal.SIGKILL else []
+        for each in (psutil.Process(run.process.pid), *children):
+            each.send_signal(number)
 
-    talk(probe(run), pilot(run), raw(run, end))
+    beside = once_all_said(40, 3, end)
+    talk(probe(run, beside), pilot(run, beside), raw(run, beside))
     run.finish()
     content = is_the_same_again(run, tmp_path, free_slot(2))
     assert content["difference"] is None
@@ -181,20 +210,22 @@ def test_a_run_that_was_cut_off_is_repeated_up_to_there(
 def test_a_run_that_a_free_program_broke_off_is_repeated_up_to_there(
     start_run: StartRun, processes: str, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
-    run = flies(start_run, "csma", processes, duration_s=600.0)
+    run, both = flies(start_run, "csma", processes), asyncio.Event()
+    beside = once_all_said(40, 2, both.set)
 
     async def fails() -> None:
         async with connect_ua(run.directory, 1, is_sender=True) as program:
 
             def say(number: int) -> None:
+                beside(number)
                 program.transmit("test", bytes(100))
-                if number == 40:
+                if both.is_set():
                     raise ZeroDivisionError
 
             with suppress(ZeroDivisionError):
                 await each_tick(program, say)
 
-    talk(probe(run), fails())
+    talk(probe(run, beside), fails())
     assert run.finish() == 1, run.output.decode()
     content = is_the_same_again(run, tmp_path, free_slot(2))
     assert content["difference"] is None
@@ -206,11 +237,11 @@ def test_a_run_that_a_free_program_broke_off_is_repeated_up_to_there(
 def test_a_run_that_repeats_takes_nothing_from_programs(
     start_run: StartRun, processes: str, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
-    run = flies(start_run, "csma", processes)
+    run = flies(start_run, "csma", processes, duration_s=6.0)
     talk(probe(run))
     assert run.finish() == 0, run.output.decode()
     out, slot = tmp_path / "again", free_slot(2)
-    words = ("refly", run.directory, "--out", out, "--first-slot", str(slot), "--speed", "2")
+    words = ("refly", run.directory, "--out", out, "--first-slot", str(slot), "--speed", "1")
     again = Run(out, Command(*words, stdout=-1, stderr=-2, start_new_session=True), slot)
     again.wait_for("sim time")
 

@@ -9,9 +9,10 @@ from bridge.record.names import packets
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import Cause, DeliveryWriter, Gap, Vocabulary, no_deliveries
+from bridge.record.tables.truth import TruthWriter
 from channel.medium.reception import EVERYBODY
 from channel.network.entry import FIRST_EXACT
-from tests.unit.bridge.record.runs import TICK_NS, row_at
+from tests.unit.bridge.record.runs import TICK_NS, row_at, truth_at
 from tests.unit.bridge.record.tables.rows import append_rows
 
 NODES = ("0", "1", "gcs")
@@ -65,3 +66,19 @@ def test_what_was_lost_before_the_channel_comes_before_what_follows_it(tmp_path:
     assert [item.what for item in items if isinstance(item.what, Gap)] == [long, ahead]
     assert taken(repeated, 3 * TICK_NS) == []
     assert taken(repeated, 3 * TICK_NS + 1) == [("1", 6)]
+
+
+def test_what_was_stamped_ahead_is_lost_at_the_tick_at_which_it_was(tmp_path: Path) -> None:
+    """And what came after the last tick, after it."""
+    ahead = Gap(4 * TICK_NS, 1, EVERYBODY, 1, 1, 2000, Cause.TOO_LONG)
+    at_end = Gap(6 * TICK_NS, 1, EVERYBODY, 2, 1, 2000, Cause.TOO_LONG)
+    gaps = ((ahead, 2 * TICK_NS), (at_end, 6 * TICK_NS))
+    truth = TruthWriter(recorded(tmp_path, {"1": [(0, 0)]}, *gaps), NODES)
+    for tick in range(6):
+        truth.append(tick * TICK_NS, [truth_at("1", tick * TICK_NS)])
+    truth.close()
+    repeated = RepeatedPackets(tmp_path, NODES, {"1"})
+    assert taken(repeated, TICK_NS) == [("1", 0)]
+    assert taken(repeated, 2 * TICK_NS) == [("1", 1)]
+    assert taken(repeated, 6 * TICK_NS) == []
+    assert taken(repeated, 6 * TICK_NS + 1) == [("1", 2)]

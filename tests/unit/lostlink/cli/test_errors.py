@@ -60,6 +60,18 @@ def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str
     assert (ended.returncode, told) == (141, [])
 
 
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("--version",), ("link", "--help"), ("runn",), ("run", "--sett", "x")]
+)
+def test_a_help_and_a_mistake_that_nobody_reads_end_likewise(arguments: tuple[str, ...]):
+    reads, writes = os.pipe()
+    os.close(reads)
+    command = [sys.executable, "-m", "lostlink", *arguments]
+    ended = subprocess.run(command, stdout=writes, stderr=writes, check=False)
+    os.close(writes)
+    assert ended.returncode == 141
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_characters_that_a_terminal_has_not_end_no_command(encoding: str, tmp_path: Path):
     extra = "expectations: [{type: ending, ending: done, name: 'n\u00e4her \u20ac'}]\n"

@@ -64,13 +64,12 @@ def test_doctor_says_that_its_flights_can_repeat_and_which_px4_it_is(
 
 
 def test_a_run_looks_there_first(tmp_path: Path) -> None:
-    done = CliRunner().invoke(
-        run, ["--autopilot", "px4", "--px4-dir", str(tmp_path), "--out", str(tmp_path / "runs")]
-    )
+    words = ["--autopilot", "px4", "--px4-dir", str(tmp_path), "--out", str(tmp_path / "runs")]
+    done = CliRunner().invoke(run, [*words, "--first-slot", "auto"])
     assert done.exit_code == 2
     assert f"no PX4 was found. Looked at:\nlostlink:   {tmp_path}/bin/px4\n" in done.stderr
 
 
 def test_so_does_a_script(tmp_path: Path) -> None:
     with pytest.raises(FleetError, match=f"no PX4 was found. Looked at:\n  {tmp_path}/bin/px4\n"):
-        fly("separation", autopilot="px4", px4_dir=tmp_path, directory=tmp_path)
+        fly("separation", autopilot="px4", px4_dir=tmp_path, directory=tmp_path, first_slot="auto")

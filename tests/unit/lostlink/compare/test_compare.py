@@ -306,6 +306,19 @@ def test_packets_on_their_way_when_a_run_ended_are_no_difference_up_to_there(tmp
     assert found.tick_ns == 8 * TICK_NS
 
 
+def test_what_came_at_once_when_a_run_ended_says_not_how_far_its_packets_came(tmp_path: Path) -> None:
+    """At the end a packet of tick 10 came on one network, while one of tick 9 was on its way on another."""
+
+    def end(run: RunContent) -> None:
+        run.change_row(18, fate="run_ended")
+        run.rows.append(row_at(10 * TICK_NS, "0", "1"))
+
+    ended = make_run(tmp_path / "a", end, ticks=10)
+    went_on = make_run(tmp_path / "b", lambda run: run.change_row(18, received_ns=11 * TICK_NS), ticks=12)
+    assert compare(ended, went_on, 9 * TICK_NS) is None
+    assert compare(went_on, ended, 9 * TICK_NS) is None
+
+
 def test_killed_run_is_compared_as_far_as_its_files_go(tmp_path: Path) -> None:
     a, b = make_run(tmp_path / "a", is_finished=False), make_run(tmp_path / "b")
     assert compare(a, b) is None

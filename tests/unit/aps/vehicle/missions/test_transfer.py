@@ -119,10 +119,19 @@ def test_an_upload_whose_acknowledgement_alone_is_lost_is_reached(mav_autopilot,
 
 @pytest.mark.parametrize(
     ("command", "frame"),
-    [("NAV_WAYPOINT", 3), ("NAV_RETURN_TO_LAUNCH", 2), ("DO_CHANGE_SPEED", 2), ("NAV_LAND", 3)],
+    [
+        ("NAV_WAYPOINT", 3),
+        ("NAV_RETURN_TO_LAUNCH", 2),
+        ("DO_CHANGE_SPEED", 2),
+        ("NAV_LAND", 3),
+        ("NAV_CONTINUE_AND_CHANGE_ALT", 3),
+    ],
 )
 def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame):
-    """PX4 takes commands without a position in MAV_FRAME_MISSION alone, mavlink_mission.cpp."""
+    """PX4 takes commands without a position in MAV_FRAME_MISSION alone, mavlink_mission.cpp.
+
+    ArduPilot takes heights in that for heights above the sea, AP_Mission::mavlink_int_to_mission_cmd.
+    """
     item = MissionItem.from_json({"command": command, "params": [0] * 7})
     assert item.frame == MissionItem(item.command, item.params).frame == frame
     assert MissionItem.from_json(item.to_json()) == item
