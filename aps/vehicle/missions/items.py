@@ -35,7 +35,7 @@ NOT_GIVEN: Final = (1 << 31) - 1
 """INT32_MAX as MISSION_ITEM_INT's x or y: none is given (common.xml)."""
 _NONE_GIVEN: Final = frozenset({NOT_GIVEN, -(1 << 31)})
 """QGroundControl sends INT32_MIN for the NaN of its plans, and PX4 takes it likewise (PX4-Autopilot #28079)."""
-BY_COMMAND: Final = -1
+BY_COMMAND: Final[Any] = None
 """In place of a MAV_FRAME: the usual one for the command."""
 _RELATIVE: Final = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 _MISSION: Final = int(mavlink.MAV_FRAME_MISSION)
@@ -70,7 +70,7 @@ class MissionItem:
     autocontinue: bool = True
 
     def __post_init__(self) -> None:
-        if self.frame == BY_COMMAND:
+        if self.frame is BY_COMMAND:
             is_somewhere = self.command in _WITH_HEIGHT or has_location(self.command)
             object.__setattr__(self, "frame", _RELATIVE if is_somewhere else _MISSION)
         if not 0 <= self.command <= 0xFFFF or not 0 <= self.frame <= 0xFF:
@@ -112,7 +112,7 @@ class MissionItem:
         return cls(
             _whole("MAV_CMD", item["command"]),
             tuple(_number(value) for value in params),  # type: ignore[arg-type]
-            _whole("MAV_FRAME", item.get("frame", BY_COMMAND)),
+            _whole("MAV_FRAME", item["frame"]) if "frame" in item else BY_COMMAND,
             bool(item.get("autocontinue", True)),
         )
 

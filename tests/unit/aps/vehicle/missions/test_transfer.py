@@ -135,6 +135,9 @@ def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame)
     item = MissionItem.from_json({"command": command, "params": [0] * 7})
     assert item.frame == MissionItem(item.command, item.params).frame == frame
     assert MissionItem.from_json(item.to_json()) == item
+    for wrong in (-1, None, 256):
+        with pytest.raises(ValueError, match="frame|MAV_FRAME|whole number"):
+            MissionItem.from_json({"command": command, "params": [0] * 7, "frame": wrong})
 
 
 REFUSED_LAST = "ERROR, after item 3 of 3 (NAV_WAYPOINT, frame 3)"
