@@ -136,7 +136,7 @@ def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame)
     assert item.frame == MissionItem(item.command, item.params).frame == frame
     assert MissionItem.from_json(item.to_json()) == item
     for wrong in (-1, None, 256):
-        with pytest.raises(ValueError, match="frame|MAV_FRAME|whole number"):
+        with pytest.raises(ValueError, match=r"frame|MAV_FRAME|whole number"):
             MissionItem.from_json({"command": command, "params": [0] * 7, "frame": wrong})
 
 
