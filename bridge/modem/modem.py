@@ -13,7 +13,7 @@ from bridge.modem.radio_status import Buffer
 from bridge.modem.serial_line import SerialLine
 from bridge.modem.settings import ModemSettings
 from bridge.modem.units import Unit, UnitCutter
-from channel.access.packets import Loss
+from channel.medium.reception import Fate
 
 NO_UNITS: Final[Sequence[Unit]] = ()
 
@@ -40,7 +40,7 @@ class Counts:
         dropped_bytes: that found no room in the buffer from the host.
         units_sent: units that were given to the radio.
         units_arrived: that the other modem got; ``bytes_arrived``: what is in them.
-        units_lost: by cause.
+        units_lost: by cause, in the record's words; of a unit in several packets by that of the first that was lost.
         frames_out: MAVLink frames with a good checksum to the host, RADIO_STATUS of this modem left out.
         bytes_out: to the host, likewise.
         cut_bytes: for which there was no room in the buffer to the host.
@@ -53,7 +53,7 @@ class Counts:
     units_sent: int = 0
     units_arrived: int = 0
     bytes_arrived: int = 0
-    units_lost: Counter[Loss] = field(default_factory=Counter)
+    units_lost: Counter[Fate] = field(default_factory=Counter)
     frames_out: int = 0
     bytes_out: int = 0
     cut_bytes: int = 0

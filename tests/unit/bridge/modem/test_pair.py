@@ -17,10 +17,11 @@ from bridge.modem.units import UnitCutter
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.elrs import Elrs, ElrsSettings
-from channel.access.packets import AirFate, Loss
+from channel.access.packets import AirFate
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
+from channel.medium.reception import Fate
 from tests.unit.bridge.modem.frames import decoded, frame_of, heartbeat
 from tests.unit.bridge.modem.links import MS, RecordingWorld, S, live, sik_pair
 
@@ -127,7 +128,7 @@ def test_a_stream_loses_the_frames_that_its_lost_packets_have_a_part_of(length: 
         )
     ]
     assert [each.data for each in out[0]] == whole
-    assert pair.modems[1].counts.units_lost == {Loss.NOISE: count - len(whole)}
+    assert pair.modems[1].counts.units_lost == {Fate.CHANNEL_ERASURE: count - len(whole)}
     assert 1.0 - len(whole) / count > 0.2, "frames that are cut are lost more often than packets"
 
 
