@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 
 from aps.wire.framer import Framer
 from bridge.modem.heard import RadioMeter
-from bridge.modem.radio_status import Buffer
+from bridge.modem.radio_status import Buffer, is_status
 from bridge.modem.serial_line import SerialLine
 from bridge.modem.settings import ModemSettings
 from bridge.modem.units import Unit, UnitCutter
-from channel.access.packets import Loss
+from channel.medium.reception import Fate
 
 NO_UNITS: Final[Sequence[Unit]] = ()
 
@@ -40,9 +40,9 @@ class Counts:
         dropped_bytes: that found no room in the buffer from the host.
         units_sent: units that were given to the radio.
         units_arrived: that the other modem got; ``bytes_arrived``: what is in them.
-        units_lost: by cause.
-        frames_out: MAVLink frames with a good checksum to the host, RADIO_STATUS of this modem left out.
-        bytes_out: to the host, likewise.
+        units_lost: by cause, in the record's words; of a unit in several packets by that of the first that was lost.
+        frames_out: MAVLink frames with a good checksum that the host gets whole, RADIO_STATUS of modems left out.
+        bytes_out: to the host, RADIO_STATUS of this modem left out.
         cut_bytes: for which there was no room in the buffer to the host.
         statuses: RADIO_STATUS to the host.
     """
@@ -53,7 +53,7 @@ class Counts:
     units_sent: int = 0
     units_arrived: int = 0
     bytes_arrived: int = 0
-    units_lost: Counter[Loss] = field(default_factory=Counter)
+    units_lost: Counter[Fate] = field(default_factory=Counter)
     frames_out: int = 0
     bytes_out: int = 0
     cut_bytes: int = 0
@@ -154,7 +154,6 @@ class Modem:
         self.counts.cut_bytes += len(data) - len(kept)
         if kept:
             self.counts.bytes_out += len(kept)
-            self.counts.frames_out += len(self._framers[1].receive(kept))
             self._write(kept, now_ns)
 
     def was_on_air(self, unit: Unit) -> None:
@@ -195,6 +194,8 @@ class Modem:
         return self._coming[0].at_ns if self._coming else None
 
     def _write(self, data: bytes, now_ns: int) -> None:
+        frames = self._framers[1].receive(data)
+        self.counts.frames_out += sum(not is_status(frame) for frame in frames)
         self._coming.append(HostBytes(self._to_host.put(data, now_ns), data))
 
     def _room_to_host(self, now_ns: int) -> int:

@@ -15,7 +15,9 @@ from typing import NamedTuple
 
 from bridge.modem.modem import HostBytes, Modem
 from bridge.modem.units import Unit
-from channel.access.packets import AirFate, Loss
+from channel.access.packets import AirFate
+from channel.medium.reception import Fate
+from channel.network.fates import cause_of
 
 
 class Output(NamedTuple):
@@ -40,6 +42,9 @@ class OnAir(NamedTuple):
 Offer = Callable[[int, bytes, int], OnAir]
 """Puts bytes of a node on the air at an instant, as one packet."""
 
+CauseOf = Callable[[AirFate], Fate]
+"""The record's word for why a packet was lost."""
+
 
 @dataclass(slots=True)
 class _Sent:
@@ -48,7 +53,7 @@ class _Sent:
     unit: Unit
     open_packets: dict[int, int] = field(default_factory=dict)
     parts: dict[int, int] = field(default_factory=dict)
-    losses: dict[int, Loss] = field(default_factory=dict)
+    losses: dict[int, Fate] = field(default_factory=dict)
     was_on_air: bool = False
     is_told: bool = False
 
@@ -59,11 +64,12 @@ class ModemNetwork:
     Args:
         modems: by node.
         offer: gives a packet to the radio.
+        cause: says why one was lost.
     """
 
-    def __init__(self, modems: Mapping[int, Modem], offer: Offer) -> None:
+    def __init__(self, modems: Mapping[int, Modem], offer: Offer, cause: CauseOf = cause_of) -> None:
         self.modems = dict(sorted(modems.items()))
-        self._offer = offer
+        self._offer, self._cause = offer, cause
         self._sent: dict[tuple[int, int, int], _Sent] = {}
         """Units by sender, number of a packet of theirs, and receiver that has no fate of it."""
 
@@ -135,7 +141,7 @@ class ModemNetwork:
         sent.open_packets[receiver] -= 1
         sent.parts[receiver] = sent.parts.get(receiver, 0) + fate.parts
         if fate.loss is not None:
-            sent.losses.setdefault(receiver, fate.loss)
+            sent.losses.setdefault(receiver, self._cause(fate))
         sent.was_on_air |= fate.started_ns >= 0
         if sent.open_packets[receiver]:
             return
@@ -143,9 +149,9 @@ class ModemNetwork:
         if sent.was_on_air and not sent.is_told:
             sent.is_told = True
             sender.was_on_air(sent.unit)
-        loss = sent.losses.get(receiver)
-        if loss is not None:
-            counts.units_lost[loss] += 1
+        cause = sent.losses.get(receiver)
+        if cause is not None:
+            counts.units_lost[cause] += 1
             return
         counts.units_arrived += 1
         counts.bytes_arrived += len(sent.unit.data)

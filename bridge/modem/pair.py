@@ -16,10 +16,11 @@ from typing import Final
 
 from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import Modem
-from bridge.modem.network import ModemNetwork, OnAir, Output
+from bridge.modem.network import CauseOf, ModemNetwork, OnAir, Output
 from bridge.modem.settings import ModemSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirPacket
+from channel.network.fates import cause_of
 
 GROUND, AIR = 0, 1
 """The two ends. Of ExpressLRS the first has the transmitter module."""
@@ -33,16 +34,21 @@ class ModemPair:
         medium: of nodes 0 and 1, on which nothing was sent.
         settings: of both modems.
         heard: what their radios measure.
+        cause: says why a packet was lost.
     """
 
     def __init__(
-        self, medium: AccessMedium, settings: Mapping[int, ModemSettings], heard: Mapping[int, RadioMeter]
+        self,
+        medium: AccessMedium,
+        settings: Mapping[int, ModemSettings],
+        heard: Mapping[int, RadioMeter],
+        cause: CauseOf = cause_of,
     ) -> None:
         self.modems = {
             end: Modem(settings[end], heard[end], partial(medium.waiting_bytes, end)) for end in ENDS
         }
         self._medium = medium
-        self._network = ModemNetwork(self.modems, self._offer)
+        self._network = ModemNetwork(self.modems, self._offer, cause)
         self._numbers = dict.fromkeys(ENDS, 0)
         self.now_ns = 0
 

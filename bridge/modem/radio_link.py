@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from bridge.modem.heard import HeardWorld
 from bridge.modem.ideal import IdealMedium
@@ -15,6 +16,7 @@ from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Ideal, Surroundings
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from channel.network.fates import cause_of
 from channel.network.link_world import LinkWorld
 
 NODES = ("ground", "air")
@@ -66,7 +68,7 @@ class RadioLink:
             seed, floor_dbm = channel.draws.seed, min(floors_dbm.values())
             medium = settings.open(Surroundings.of(world, channel.index, seed, configs, floor_dbm))
         modems = {end: modem_of(settings, plan.bauds[end], is_transmitter=end == GROUND) for end in ENDS}
-        self.pair = ModemPair(medium, modems, world.heard)
+        self.pair = ModemPair(medium, modems, world.heard, partial(cause_of, world=links))
 
     def receive(self, end: int, data: bytes, at_ns: int) -> None:
         """The host of an end sends bytes from an instant on (`ModemPair.receive`)."""

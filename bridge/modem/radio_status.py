@@ -9,6 +9,7 @@ from typing import Final, Protocol
 from fastcrc.crc16 import mcrf4xx
 
 from aps.wire.dialect import CRC_EXTRA
+from aps.wire.framer import Frame
 from bridge.modem.heard import RadioMeter
 from bridge.modem.units import MAGIC_V1, MAGIC_V2, Unit
 
@@ -42,6 +43,11 @@ class ModemStatus(Protocol):
 
     def frame(self, version: int, seq: int, heard: RadioMeter, buffer: Buffer, now_ns: int) -> bytes:
         """The frame, in the version of MAVLink that the host speaks."""
+
+
+def is_status(frame: Frame) -> bool:
+    """Whether a frame is a modem's RADIO_STATUS."""
+    return frame.msg_id == RADIO_STATUS and frame.compid == COMPID
 
 
 class SikStatus:

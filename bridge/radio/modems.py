@@ -26,6 +26,7 @@ from channel.access.world import World
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY
 from channel.network.entry import FIRST_EXACT
+from channel.network.fates import cause_of
 from channel.network.link_world import LinkWorld
 from channel.network.network import Network
 
@@ -80,7 +81,7 @@ class NetworkModems:
             modem = modem_of(settings, config.baud, is_transmitter=is_transmitter)
             waiting_bytes = partial(self.network.access.waiting_bytes, number)
             modems[number] = Modem(modem, meters.of(number), waiting_bytes)
-        self.modems = ModemNetwork(modems, self._offer)
+        self.modems = ModemNetwork(modems, self._offer, partial(cause_of, world=self.network.world))
         self._number_of = {node: channel.medium.index[node] for node in nodes}
         self._next_seq = dict.fromkeys(modems, FIRST_EXACT * (place + 1))
         self._sent: list[TxPacket] = []
@@ -114,7 +115,7 @@ class NetworkModems:
                 counts = self.modems.modems[number].counts
                 plain = {each.name: getattr(counts, each.name) for each in fields(counts)}
                 lost = plain.pop("units_lost")
-                found[node] = plain | {f"units_lost.{cause}": count for cause, count in lost.items()}
+                found[node] = plain | {f"units_lost.{cause.value}": count for cause, count in lost.items()}
         return found
 
     def sent(self) -> list[TxPacket]:

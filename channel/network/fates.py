@@ -83,6 +83,18 @@ class FateColumns(NamedTuple):
         )
 
 
+def cause_of(fate: AirFate, world: LinkWorld | None = None) -> Fate:
+    """The record's word for what became of a packet.
+
+    Args:
+        fate: of it.
+        world: that its frames met; None: one that tells no causes, where noise is an erasure.
+    """
+    if world is None:
+        return FATES[DELIVERED if fate.loss is None else OF_LOSS.get(fate.loss, ERASED)]
+    return FATES[_code(fate, world)]
+
+
 def _one_by_one(fates: Sequence[AirFate], world: LinkWorld) -> FateColumns:
     return FateColumns(
         [fate.packet for fate in fates],

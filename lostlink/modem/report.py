@@ -85,7 +85,7 @@ def _way(live: LiveLink, end: int, duration_s: float) -> dict[str, Any]:
         "bytes_per_s": round(came.bytes_out / duration_s, 1),
         "loss": loss(sent),
         "units": sent.units_sent,
-        "lost": {cause.value: count for cause, count in sorted(sent.units_lost.items())},
+        "lost": dict(sorted((cause.value, count) for cause, count in sent.units_lost.items())),
         "dropped_bytes": sent.dropped_bytes,
         "cut_bytes": came.cut_bytes,
         "overrun_bytes": live.overrun_bytes[end],

@@ -71,6 +71,20 @@ async def test_frames_go_both_ways_between_tcp_clients(modem_link: ModemLinks) -
         assert (told["up"]["frames_in"], told["up"]["frames_out"]) == (1, 1)
 
 
+async def test_the_summary_has_the_causes_of_the_record(modem_link: ModemLinks) -> None:
+    """The station's modem tells its status when the heartbeat was on the air, and so was lost."""
+    settings = ["radio.base_loss=1", "radio.bursts.model=none"]
+    async with (
+        modem_link.open(radio="sik-433", distance_m=20, settings=settings) as link,
+        dialled(link.gcs) as (ground, say_up),
+        asyncio.timeout(30),
+    ):
+        say_up.write(heartbeat())
+        await ground.readexactly(21)
+        told = link.summary()["up"]
+        assert (told["loss"], told["lost"]) == (1.0, {"base_loss": 1})
+
+
 async def test_the_autopilot_may_restart(modem_link: ModemLinks) -> None:
     came: asyncio.Queue[asyncio.StreamWriter] = asyncio.Queue()
     server = await asyncio.start_server(lambda _, writer: came.put_nowait(writer), "127.0.0.1", 0)

@@ -122,6 +122,25 @@ def test_a_station_hears_its_own_modem_while_the_copter_is_gone(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("radio", ["sik-433", "elrs-900-200"])
+def test_modems_lose_units_to_the_causes_that_the_links_have(
+    radio: str, tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    settings = f"{{preset: {radio}, base_loss: 0.3}}"
+    values = {"name": "causes", "duration_s": 12, "radio": settings, "count": 1}
+    said: Said = [(4.0 + turn, mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1)) for turn in range(4)]
+    _, summary = flown(SCENARIO.format(**values, slot=free_slot(1)), tmp_path, said)
+    links = {link["tx"]: link for link in summary["links"] if link["radio"] == "telemetry"}
+    counts = summary["counters"]["router"]
+    for node, link in links.items():
+        head = f"modem.telemetry.{node}.units_lost."
+        lost = {name.removeprefix(head): count for name, count in counts.items() if name.startswith(head)}
+        assert lost == {cause: count for cause, count in link["lost"].items() if cause != "run_ended"}
+    assert sum(links["0"]["lost"].values()) > 5
+    assert ("base_loss" in links["0"]["lost"]) == (radio == "sik-433")
+
+
+@pytest.mark.slow
 def test_a_copter_behind_expresslrs(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     """The station has the transmitter module, which tells it nothing; the receiver tells the autopilot at 91 Hz."""
     values = {"name": "elrs", "duration_s": ELRS_S, "radio": "elrs-900-200", "count": 1}

@@ -11,11 +11,12 @@ from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork, OnAir
 from bridge.modem.settings import ModemSettings, has_transmitter
 from channel.access.media.airtime import AirTime
-from channel.access.packets import AirFate, AirPacket, Loss
+from channel.access.packets import AirFate, AirPacket
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.sik import SikMedium
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
+from channel.medium.reception import Fate
 from tests.unit.bridge.modem.frames import frame_of, heartbeat
 
 S = 1_000_000_000
@@ -62,7 +63,7 @@ def test_two_at_once_spoil_each_other_at_the_third() -> None:
     for node in (0, 1):
         net.network.modems[node].receive(frame_of(100, 0), 0)
     assert net.live(S) == {0: b"", 1: b"", 2: b""}
-    assert net.network.modems[0].counts.units_lost == {Loss.HALF_DUPLEX: 1, Loss.COLLIDED: 1}
+    assert net.network.modems[0].counts.units_lost == {Fate.HALF_DUPLEX: 1, Fate.COLLIDED: 1}
 
 
 def test_a_unit_of_several_packets_is_lost_where_one_of_them_is() -> None:

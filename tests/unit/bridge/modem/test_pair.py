@@ -7,20 +7,22 @@ from itertools import accumulate
 
 import pytest
 
+from aps.wire.framer import Framer
 from bridge.modem.heard import RadioMeter
 from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork
 from bridge.modem.pair import ENDS, ModemPair
-from bridge.modem.radio_status import SikStatus
+from bridge.modem.radio_status import RADIO_STATUS, SikStatus
 from bridge.modem.settings import ModemSettings
 from bridge.modem.units import UnitCutter
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.airtime import AirTime
 from channel.access.media.elrs import Elrs, ElrsSettings
-from channel.access.packets import AirFate, Loss
+from channel.access.packets import AirFate
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
+from channel.medium.reception import Fate
 from tests.unit.bridge.modem.frames import decoded, frame_of, heartbeat
 from tests.unit.bridge.modem.links import MS, RecordingWorld, S, live, sik_pair
 
@@ -127,7 +129,7 @@ def test_a_stream_loses_the_frames_that_its_lost_packets_have_a_part_of(length: 
         )
     ]
     assert [each.data for each in out[0]] == whole
-    assert pair.modems[1].counts.units_lost == {Loss.NOISE: count - len(whole)}
+    assert pair.modems[1].counts.units_lost == {Fate.CHANNEL_ERASURE: count - len(whole)}
     assert 1.0 - len(whole) / count > 0.2, "frames that are cut are lost more often than packets"
 
 
@@ -186,6 +188,23 @@ def test_a_status_that_found_no_room_comes_as_soon_as_there_is_some() -> None:
     assert modem.counts.statuses == 0
     modem.tell(at_ns)
     assert modem.counts.statuses == 1
+
+
+@pytest.mark.parametrize("begin", [3, 28, 36])
+def test_a_frame_with_a_status_in_its_middle_is_none_to_the_host(begin: int) -> None:
+    """As the firmware does: RADIO_STATUS goes to the host when it is due, in a frame whose rest is still to come."""
+    modem = Modem(ModemSettings(57_600, 1850, 645, status=SikStatus()), RadioMeter(), lambda: 0)
+    (beat,) = UnitCutter(0).feed(heartbeat(), 0)
+    modem.deliver(frame_of(37, 0)[:begin], 0)
+    modem.was_on_air(beat)
+    modem.tell(0)
+    modem.deliver(frame_of(37, 0)[begin:], 0)
+    modem.deliver(frame_of(37, 1), 0)
+    stream = b"".join(each.data for each in modem.outputs(S))
+    assert [frame.raw for frame in Framer().receive(stream) if frame.msg_id != RADIO_STATUS] == [
+        frame_of(37, 1)
+    ]
+    assert (modem.counts.frames_out, modem.counts.statuses, modem.counts.bytes_out) == (1, 1, 2 * 37)
 
 
 def test_without_framing_there_is_no_status() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from typing import Any
 
 import pytest
 
@@ -10,16 +11,17 @@ from bridge.modem.pair import AIR, GROUND
 from bridge.modem.places import apart
 from bridge.modem.radio_link import LinkPlan, RadioLink
 from channel.link.radio import Radio
+from channel.medium.reception import Fate
 from channel.presets import load_radio
-from tests.unit.bridge.modem.frames import heartbeat
+from tests.unit.bridge.modem.frames import frame_of, heartbeat
 
 S, MS = 1_000_000_000, 1_000_000
 RSSI_AT = 10 + 4
 """In a frame of MAVLink 2: behind its head, rxerrors and fixed."""
 
 
-def link_of(radio: str, distance_m: float = 20.0) -> RadioLink:
-    one = Radio(load_radio(radio, {"error": {"model": "lossless"}}))
+def link_of(radio: str, distance_m: float = 20.0, **values: Any) -> RadioLink:
+    one = Radio(load_radio(radio, {"error": {"model": "lossless"}, **values}))
     return RadioLink(LinkPlan((one, one), apart(distance_m, (2.0, 30.0))))
 
 
@@ -45,3 +47,29 @@ def test_link_quality_of_a_link_without_losses_is_whole(radio: str) -> None:
             if end == AIR and data[7:10] == struct.pack("<I", 109)[:3] and tenth > 20:
                 found.add(data[RSSI_AT])
     assert found == {254}
+
+
+@pytest.mark.parametrize(
+    ("values", "cause"),
+    [
+        ({"base_loss": 1.0}, Fate.BASE_LOSS),
+        ({"max_range_m": 10.0}, Fate.OUT_OF_RANGE),
+        ({"bursts": {"model": "gilbert-elliott", "loss_good": 1.0, "loss_bad": 1.0}}, Fate.BURST),
+        ({"error": {"model": "noncoherent-fsk"}, "transmit_power_dbm": -100.0}, Fate.CHANNEL_ERASURE),
+    ],
+)
+def test_units_that_the_channel_loses_have_its_cause(values: dict[str, Any], cause: Fate) -> None:
+    link = link_of("sik-433", **{"bursts": {"model": "none"}} | values)
+    for second in range(5):
+        link.receive(GROUND, heartbeat(second), second * S)
+    link.advance(6 * S)
+    assert link.pair.modems[GROUND].counts.units_lost == {cause: 5}
+
+
+def test_units_in_chunks_that_came_damaged_are_erased() -> None:
+    """ExpressLRS repeats frames that are lost; the last frame of a damaged chunk came."""
+    link = link_of("elrs-900-200", base_loss=0.4)
+    for fifth in range(50):
+        link.receive(AIR, frame_of(60, fifth), fifth * 200 * MS)
+    link.advance(10 * S)
+    assert set(link.pair.modems[AIR].counts.units_lost) == {Fate.CHANNEL_ERASURE}
