@@ -1,6 +1,6 @@
 """Find RF emitters together: measure, transmit the readings, plan where to measure next.
 
-lostlink run localise
+lostlink run examples/localise/localise.yaml
 
 docs/tutorial/localise.md says what it does and what it needs.
 """
