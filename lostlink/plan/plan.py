@@ -191,10 +191,11 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
             )
         medium = radios[node.node].config.medium
         if isinstance(medium, TdmaMedium) and not medium.has_slot(node.node):
-            lines.append(
-                f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
-                "transmits would be delivered"
-            )
+            if not node.is_guess:  # an agent of one's own may be there to listen
+                lines.append(
+                    f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
+                    "transmits would be delivered"
+                )
         elif not node.airtime_share:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
