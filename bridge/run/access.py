@@ -87,13 +87,18 @@ def access_of(run: str | Path, identity: str) -> Access:
     raise NoAccess(f"{directory.path}: nobody is called {identity!r} there; known: {known}")
 
 
+def place_of(run: str | Path) -> Path | None:
+    """A directory, or that of the name in `runs/`; None if there is neither."""
+    return next((path for path in (Path(run), RUNS / run) if path.is_dir()), None)
+
+
 def directory_of(run: str | Path) -> RunDirectory:
     """The directory of a run, or of one in `runs/`.
 
     Raises:
         NoAccess: there is no such run.
     """
-    there = [path for path in (Path(run), RUNS / run) if path.is_dir()]
-    if not there:
+    place = place_of(run)
+    if place is None:
         raise NoAccess(f"there is no run {run}, nor {RUNS / run}")
-    return RunDirectory(there[0])
+    return RunDirectory(place)

@@ -13,7 +13,7 @@ from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.logs.printable import PrintableForm
 from bridge.bus.session import SessionError
 from bridge.record.tables.truth import TRUTH
-from bridge.run.access import RUNS
+from bridge.run.access import RUNS, place_of
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
 from lostlink.flight.say import say
@@ -104,7 +104,7 @@ def is_running(run: RunDirectory) -> bool:
 
 def _directory(run: Path | None) -> Path:
     if run is not None:
-        return next((path for path in (run, RUNS / run) if path.is_dir()), run)
+        return place_of(run) or run
     running = live_runs(RUNS)
     if not running:
         fail(f"no run goes on in {RUNS}/; start one with `lostlink run`, or name one", 1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bridge.run.access import RUNS
+from bridge.run.access import place_of
 from lostlink.cli.exits import fail
 from lostlink.cli.shown_table import print_table
 from lostlink.compare.told import CompareProgress, as_plain, as_text
@@ -63,7 +63,7 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
     from lostlink.compare.summary import mistakes_in_summary
 
     try:
-        run_a, run_b = map(_place, runs)
+        run_a, run_b = (place_of(run) or run for run in runs)
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
         settings = {} if comparison.difference is None else _settings(runs)
         forged = {str(run): mistakes for run in (run_a, run_b) if (mistakes := mistakes_in_summary(run))}
@@ -79,11 +79,6 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
         say("The scenarios differ. What came of each run:")
         _table(runs, None, as_json=False, is_told=True)
     sys.exit(0 if comparison.difference is None and not forged else EXIT_DIFFERENT)
-
-
-def _place(run: Path) -> Path:
-    """A run's directory, also where its name in `runs/` is given."""
-    return RUNS / run if not run.exists() and (RUNS / run).is_dir() else run
 
 
 def _settings(runs: tuple[Path, ...]) -> dict[str, Any]:
