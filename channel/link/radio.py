@@ -162,6 +162,11 @@ class Radio:
         """Return whether a receiver locks on to signals, to the 0.001 dB in which powers are written."""
         return np.greater_equal(in_steps(power_dbm, STEPS_PER_DB), self.locks_from_dbm)
 
+    @property
+    def is_by_distance(self) -> bool:
+        """Whether a distance says what is delivered: neither law nor sources of interference ask for places."""
+        return not self.sources and not getattr(self.config.propagation, "needs_places", False)
+
     def at_bit_rate(self, bit_rate_bps: float | None) -> Radio:
         """Return the same radio at another bit rate: errors are those of its modulation there; None: this one."""
         if bit_rate_bps in (None, self.config.bit_rate_bps):

@@ -42,7 +42,7 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
     """
     distance_m = np.linspace(1.0, farthest_m, CURVE_POINTS)
     with suppress(OutsideValidityError):
-        if not radio.sources and not getattr(radio.config.propagation, "needs_places", False):
+        if radio.is_by_distance:
             return distance_m, radio.probability_of_delivery(distance_m)
     sums: dict[float, tuple[float, int]] = {}
     for row in bins:

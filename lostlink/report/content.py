@@ -126,10 +126,12 @@ def radio_name(scenario: Scenario) -> str:
 
 def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
     """The model's curve over distance, if all nodes have one radio and it can be had here; else None."""
-    farthest_m = max((row["distance_max_m"] for row in bins), default=0.0)
+    if not bins:
+        return None
+    farthest_m = max(row["distance_max_m"] for row in bins)
     with suppress(ValueError, OSError, ChannelInputError, OutsideValidityError):
         radio = common_radio(scenario, emitters_of(scenario))
-        if radio is None or not bins:
+        if radio is None:
             return None
         distance_m, probability = model_curve(bins, radio, farthest_m)
         return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}

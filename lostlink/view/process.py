@@ -215,8 +215,7 @@ class Model:
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
         radio = common_radio(self._scenario, emitters_of(self._scenario))
         shared = draws_are_shared(self._scenario)
-        if radio is not None:
+        if radio is not None and radio.is_by_distance:
             with suppress(OutsideValidityError):
-                if not radio.sources and not getattr(radio.config.propagation, "needs_places", False):
-                    return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
+                return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
         return ModelCurve(np.empty(0), np.empty(0), shared)
