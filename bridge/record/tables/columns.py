@@ -27,6 +27,23 @@ def numbers(values: NDArray[Any]) -> pa.Array:
     )
 
 
+def name_type() -> pa.DataType:
+    """Of columns of names: of nodes, say, by which tables are joined."""
+    import pyarrow as pa
+
+    return pa.dictionary(pa.int16(), pa.string())
+
+
+def names(values: Sequence[str] | Sequence[bytes]) -> pa.DictionaryArray:
+    """Texts of which few are different, in the order in which they come up."""
+    import pyarrow as pa
+
+    own: dict[str | bytes, int] = {}
+    places = np.array([own.setdefault(value, len(own)) for value in values], dtype=np.int16)
+    found = [value if isinstance(value, str) else value.decode(errors="replace") for value in own]
+    return pa.DictionaryArray.from_arrays(numbers(places), texts(found))
+
+
 def texts(values: Sequence[str]) -> pa.Array:
     """Texts, none missing."""
     import pyarrow as pa

@@ -12,7 +12,7 @@ import numpy as np
 
 from bridge.record.logged import LoggedValue, logged_of
 from bridge.record.names import Kind, streams_of
-from bridge.record.tables.columns import numbers, texts
+from bridge.record.tables.columns import name_type, names, numbers, texts
 from bridge.run.whole_file import whole_file
 
 LOGGED_FILE: Final = "logged.parquet"
@@ -81,10 +81,7 @@ def write_logged(run: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    names = pa.dictionary(
-        pa.int16(), pa.string()
-    )  # of nodes as in the other tables, which are joined by them
-    kinds = (pa.int64(), names, pa.string(), pa.string(), pa.float64(), pa.string())
+    kinds = (pa.int64(), name_type(), pa.string(), pa.string(), pa.float64(), pa.string())
     schema = pa.schema(list(zip(LoggedRow._fields, kinds, strict=True)))
     with whole_file(path) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
@@ -94,15 +91,11 @@ def write_logged(run: Path) -> None:
 
 
 def _columns(rows: Sequence[LoggedRow]) -> list[Any]:
-    import pyarrow as pa
-
-    ticks_ns, nodes, names, keys, values, said = zip(*rows, strict=True)
-    own: dict[str, int] = {}
-    places = np.array([own.setdefault(node, len(own)) for node in nodes], dtype=np.int16)
+    ticks_ns, nodes, *named, values, said = zip(*rows, strict=True)
     return [
         numbers(np.array(ticks_ns, dtype=np.int64)),
-        pa.DictionaryArray.from_arrays(numbers(places), texts(list(own))),
-        *(texts(each) for each in (names, keys)),
+        names(nodes),
+        *map(texts, named),
         numbers(np.array(values, dtype=np.float64)),
         texts(said),
     ]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.columns import numbers, texts
+from bridge.record.tables.columns import name_type, names, numbers, texts
 from bridge.record.tables.journals import rows_of
 from bridge.record.tables.schema import LABEL, NUMBER, Column, Table, TableError
 from bridge.run.whole_file import whole_file
@@ -59,8 +59,7 @@ def schema_of(columns: Sequence[Column]) -> pa.Schema:
     """The types of columns: names are dictionary-encoded."""
     import pyarrow as pa
 
-    names = pa.dictionary(pa.int16(), pa.string())
-    return pa.schema([(c.name, names if c.is_name else pa.from_numpy_dtype(c.dtype)) for c in columns])
+    return pa.schema([(c.name, name_type() if c.is_name else pa.from_numpy_dtype(c.dtype)) for c in columns])
 
 
 def batches_of_journals(
@@ -99,11 +98,7 @@ def array_of(column: Column, values: NDArray[Any], labels: Mapping[str, Sequence
     if column.dtype == LABEL:
         return pa.DictionaryArray.from_arrays(numbers(packed), texts(labels[column.name]))
     if column.is_text:
-        own: dict[bytes, int] = {}
-        places = np.array([own.setdefault(text, len(own)) for text in packed.tolist()], dtype=np.int16)
-        return pa.DictionaryArray.from_arrays(
-            numbers(places), texts([text.decode(errors="replace") for text in own])
-        )
+        return names(packed.tolist())
     return numbers(packed)
 
 
