@@ -246,8 +246,8 @@ class RecordedRadio:
             tick_ns = self._settled_ns if is_ahead else packet.sim_time_ns
             self._written_ns[packet.tx] = at_ns = max(self._written_ns[packet.tx], tick_ns)
             self._packets[self.core.nodes[packet.tx]].write(at_ns, encode_packet(packet))
-        for node in self._free.intersection(self.core.nodes[packet.tx] for packet in transmitted):
-            self._packets[node].flush()  # an input: of a run that is killed it is as whole as those of hosts
+        for node in self._free:
+            self._packets[node].flush()  # inputs: of a run that is killed they are as whole as those of hosts
 
     def flush(self) -> None:
         """Hand the record to the operating system."""

@@ -94,10 +94,9 @@ def _gaps(run: Path, nodes: Sequence[str], free: Collection[str]) -> dict[str, l
         for at_ns, tx, rx, seq, count, length_bytes, fate, received_ns, *said in zip(*columns, strict=True):
             to = EVERYBODY if rx == len(nodes) else rx
             gap = Gap(at_ns, tx, to, seq, count, length_bytes, Cause(FATES[fate]), *said)
-            latest_ns = (
-                received_ns if received_ns > last_ns else received_ns - 1
-            )  # the last may be of the end
-            found[nodes[tx]].append(Repeated(min(at_ns, latest_ns), seq, nodes[tx], gap))
+            may_be_of_the_end = received_ns > last_ns
+            due_ns = min(at_ns, received_ns if may_be_of_the_end else received_ns - 1)
+            found[nodes[tx]].append(Repeated(due_ns, seq, nodes[tx], gap))
     for gaps in found.values():
         gaps.sort(key=lambda gap: gap.seq)
     return found

@@ -119,9 +119,9 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     )
 
 
-def without_messages(radios: Mapping[str, Radio]) -> Iterator[str]:
+def without_messages(radios: Mapping[str, Radio], capacity: Capacity) -> Iterator[str]:
     """Nodes of a mesh whose originator messages the medium has no room for: they are lost as they enter."""
-    routing, capacity = routing_settings(radios), Capacity(medium_settings(radios), radios)
+    routing = routing_settings(radios)
     if isinstance(routing, MeshRouting):
         for node in radios:
             if not capacity.packet_s(node, routing.ogm_bytes, routing.ogm_priority):

@@ -13,10 +13,10 @@ from bridge.fleet.preflight.ports import mistakes, ports_of
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, Transceiver
+from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
-from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
 from lostlink.plan.held import held_back
@@ -29,6 +29,7 @@ from lostlink.plan.places import start_ned_m
 from lostlink.plan.reach import Reach, reach_of
 from lostlink.plan.unheard import unheard
 from lostlink.plan.validity import beyond_validity
+from lostlink.reading.capacity import Capacity
 
 AIRTIME_MAX = 1.0
 NAMED_MAX = 5
@@ -180,6 +181,7 @@ def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
     lines = [_overload(load)] if load.airtime_share > AIRTIME_MAX else list(_overload_by_copies(load))
+    capacity = Capacity(medium_settings(radios), radios)
     for node in load.nodes:
         if node.payload_bytes is None:
             continue
@@ -189,8 +191,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, more than mtu_bytes of its radio, "
                 f"{mtu}: none would be delivered"
             )
-        medium = radios[node.node].config.medium
-        if isinstance(medium, TdmaMedium) and not medium.has_slot(node.node):
+        if not capacity.may_send(node.node):
             if not node.is_guess:  # an agent of one's own may be there to listen
                 lines.append(
                     f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
@@ -204,7 +205,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
     lines += [
         f"node {node}: the medium {load.medium} has no room for the originator messages of its mesh (ogm_bytes, "
         "ogm_priority): others find no routes to it"
-        for node in without_messages(radios)
+        for node in without_messages(radios, capacity)
     ]
     return lines
 
