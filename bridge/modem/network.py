@@ -17,7 +17,6 @@ from bridge.modem.modem import HostBytes, Modem
 from bridge.modem.units import Unit
 from channel.access.packets import AirFate
 from channel.medium.reception import Fate
-from channel.network.fates import cause_of
 
 
 class Output(NamedTuple):
@@ -67,7 +66,7 @@ class ModemNetwork:
         cause: says why one was lost.
     """
 
-    def __init__(self, modems: Mapping[int, Modem], offer: Offer, cause: CauseOf = cause_of) -> None:
+    def __init__(self, modems: Mapping[int, Modem], offer: Offer, cause: CauseOf) -> None:
         self.modems = dict(sorted(modems.items()))
         self._offer, self._cause = offer, cause
         self._sent: dict[tuple[int, int, int], _Sent] = {}

@@ -1,6 +1,6 @@
 """Two modems and the medium between them: bytes of either host in, bytes for either host out, at exact instants.
 
-    pair = ModemPair(medium, settings, heard)
+    pair = ModemPair(medium, settings, heard, cause)
     pair.receive(0, data, at_ns)
     for end, (at_ns, data) in pair.advance(until_ns): ...
 
@@ -20,7 +20,6 @@ from bridge.modem.network import CauseOf, ModemNetwork, OnAir, Output
 from bridge.modem.settings import ModemSettings
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirPacket
-from channel.network.fates import cause_of
 
 GROUND, AIR = 0, 1
 """The two ends. Of ExpressLRS the first has the transmitter module."""
@@ -42,7 +41,7 @@ class ModemPair:
         medium: AccessMedium,
         settings: Mapping[int, ModemSettings],
         heard: Mapping[int, RadioMeter],
-        cause: CauseOf = cause_of,
+        cause: CauseOf,
     ) -> None:
         self.modems = {
             end: Modem(settings[end], heard[end], partial(medium.waiting_bytes, end)) for end in ENDS

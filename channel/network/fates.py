@@ -83,15 +83,8 @@ class FateColumns(NamedTuple):
         )
 
 
-def cause_of(fate: AirFate, world: LinkWorld | None = None) -> Fate:
-    """The record's word for what became of a packet.
-
-    Args:
-        fate: of it.
-        world: that its frames met; None: one that tells no causes, where noise is an erasure.
-    """
-    if world is None:
-        return FATES[DELIVERED if fate.loss is None else OF_LOSS.get(fate.loss, ERASED)]
+def cause_of(fate: AirFate, world: LinkWorld) -> Fate:
+    """The record's word for what became of a packet whose frames met this world."""
     return FATES[_code(fate, world)]
 
 

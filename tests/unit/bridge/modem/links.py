@@ -12,7 +12,10 @@ from bridge.modem.pair import ENDS, ModemPair
 from bridge.modem.radio_status import SikStatus
 from bridge.modem.settings import ModemSettings
 from channel.access.media.sik import Sik, SikSettings
+from channel.access.packets import AirFate
 from channel.access.world import AirFrame, PlainWorld
+from channel.medium.reception import FATES, Fate
+from channel.network.fates import ERASED, OF_LOSS
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -47,11 +50,17 @@ class RecordingWorld(PlainWorld):
         ]
 
 
+def plain_cause(fate: AirFate) -> Fate:
+    """The record's word in a world that tells no causes: noise is an erasure."""
+    assert fate.loss is not None
+    return FATES[OF_LOSS.get(fate.loss, ERASED)]
+
+
 def sik_pair(world: RecordingWorld | PlainWorld, *, baud: int = 57_600, **settings: Any) -> ModemPair:
     """SiK modems in a plain world."""
     medium = Sik(world, SikSettings(**settings), seed=5)
     modem = ModemSettings(baud, 1850, 645, status=SikStatus() if medium.settings.framing else None)
-    return ModemPair(medium, dict.fromkeys(ENDS, modem), {end: RadioMeter() for end in ENDS})
+    return ModemPair(medium, dict.fromkeys(ENDS, modem), {end: RadioMeter() for end in ENDS}, plain_cause)
 
 
 def live(

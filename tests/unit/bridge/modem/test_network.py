@@ -18,6 +18,7 @@ from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
 from channel.medium.reception import Fate
 from tests.unit.bridge.modem.frames import frame_of, heartbeat
+from tests.unit.bridge.modem.links import plain_cause
 
 S = 1_000_000_000
 RATE_BPS = 8_000
@@ -31,7 +32,7 @@ class Net:
         self._numbers = count()
         modem = ModemSettings(packet_bytes=packet_bytes)
         modems = {node: Modem(modem, RadioMeter(), lambda: 0) for node in world.nodes}
-        self.network = ModemNetwork(modems, self._offer)
+        self.network = ModemNetwork(modems, self._offer, plain_cause)
 
     def _offer(self, node: int, data: bytes, now_ns: int) -> OnAir:
         packet = AirPacket(node, next(self._numbers), None, len(data), now_ns)
@@ -83,7 +84,7 @@ def test_the_last_piece_of_a_unit_needs_room_however_often_it_was_tried(parts: i
     """Of 200 bytes 200 / parts come last, and find room for 40: the pieces before have left by then."""
     settings = ModemSettings(9600, to_host_bytes=40)
     modems = {node: Modem(settings, RadioMeter(), lambda: 0) for node in (0, 1)}
-    network = ModemNetwork(modems, lambda node, data, now_ns: OnAir(0, (1,)))
+    network = ModemNetwork(modems, lambda node, data, now_ns: OnAir(0, (1,)), plain_cause)
     modems[0].receive(frame_of(200, 0), 0)
     network.step(S, ())
     packet = AirPacket(0, 0, 1, 200, S)

@@ -24,7 +24,7 @@ from channel.access.timing import BitRate
 from channel.access.world import PlainWorld
 from channel.medium.reception import Fate
 from tests.unit.bridge.modem.frames import decoded, frame_of, heartbeat
-from tests.unit.bridge.modem.links import MS, RecordingWorld, S, live, sik_pair
+from tests.unit.bridge.modem.links import MS, RecordingWorld, S, live, plain_cause, sik_pair
 
 SECONDS = 16
 
@@ -254,7 +254,7 @@ def test_elrs_tells_the_autopilot_alone_and_carries_what_it_can() -> None:
 
     medium = Elrs(PlainWorld([0, 1]), ElrsSettings(ELRS_MODES["900-200"]))
     modems = {0: ModemSettings(460_800, 1024, 512), 1: ModemSettings(460_800, 1024, 512, status=ElrsStatus())}
-    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS})
+    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS}, plain_cause)
     out = live(pair, 60 * S, busy((1,), 600.0, 60))
     assert statuses(out[0]) == []
     assert len(statuses(out[1])) == pytest.approx(60 / 0.011, abs=2)
@@ -265,7 +265,7 @@ def test_elrs_tells_the_autopilot_alone_and_carries_what_it_can() -> None:
 def test_longer_units_are_cut_for_a_medium_of_short_packets() -> None:
     medium = AirTime(PlainWorld([0, 1]), BitRate(100_000, max_length_bytes=100), QueueLimits(0))
     modems = dict.fromkeys(ENDS, ModemSettings(packet_bytes=100))
-    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS})
+    pair = ModemPair(medium, modems, {end: RadioMeter() for end in ENDS}, plain_cause)
     out = live(pair, S, [(0, 0, frame_of(263, 0))])
     assert out[1] == [(263 * 8 * S // 100_000, frame_of(263, 0))]
 
