@@ -274,6 +274,8 @@ class Px4Seat:
             if not _comes_to_rest(rest, within_ns, naps):
                 return None
         self.receive()  # it may have answered since the last look
+        if not self.is_lockstep:
+            return None
         self._has_begun = True
         if not self._has_booted and self._boot_is_over(rest):
             self._has_booted = True

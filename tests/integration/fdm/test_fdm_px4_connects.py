@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from fdm.clock.events import EventKind
-from fdm.exchange.px4 import watched
+from fdm.exchange.px4 import watched, welcome
 from tests.px4_exchange import ROOT, Flight, play, played, spec
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is at rest is seen in /proc")
@@ -187,7 +187,10 @@ def test_where_the_system_does_not_show_when_threads_run_px4_is_flown_and_that_i
     assert max(fields[3] for fields in flight.driven) > 1000
 
 
-def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on():
+@pytest.mark.parametrize("is_read_at_rest_alone", [False, True])
+def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on(is_read_at_rest_alone, monkeypatch):
+    if is_read_at_rest_alone:  # whatever comes first sees its answer
+        monkeypatch.setattr(welcome.Px4Seats, "_says", lambda seats, seat: None)
     ended = {}
 
     def at_tick(sim_s):
@@ -202,6 +205,7 @@ def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on():
     kinds = [event.kind for event in flight.events if event.ua_id == 0]
     assert kinds == [EventKind.JOINED, EventKind.REFUSED, EventKind.STALLED]
     assert counters[0]["answers_not_in_lockstep"] == 1
+    assert counters[0]["frames_unanswered"] == 3, "no frame is sent once it has said so"
     assert flight.ticks[-1].sim_time_ns == 500_000_000
 
 
