@@ -20,10 +20,12 @@ if TYPE_CHECKING:
         RunOver,
     )
     from bridge.agents.measurements import Measurement
+    from bridge.bus.messages.codec import DecodeError
     from bridge.bus.messages.types import DataPackage
     from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
     from bridge.scenario.file import ScenarioError
+    from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned, ned_from_geodetic
     from lostlink.flight.scripted import RunResult, fly
     from lostlink.reading.run import NoRun, Run, load_run
     from lostlink.redecision.redecide import Redecision, redecide
@@ -35,7 +37,9 @@ __all__ = [
     "CommandRefused",
     "CommandTimedOut",
     "DataPackage",
+    "DecodeError",
     "FleetError",
+    "GeodeticPosition",
     "Measurement",
     "NoRun",
     "Reception",
@@ -47,7 +51,9 @@ __all__ = [
     "UaClient",
     "connect_ua",
     "fly",
+    "geodetic_from_ned",
     "load_run",
+    "ned_from_geodetic",
     "redecide",
 ]
 
@@ -58,7 +64,9 @@ _PLACES = {
     "CommandRefused": "bridge.agents.commands",
     "CommandTimedOut": "bridge.agents.commands",
     "DataPackage": "bridge.bus.messages.types",
+    "DecodeError": "bridge.bus.messages.codec",
     "FleetError": "bridge.fleet.course",
+    "GeodeticPosition": "fdm.model.geodesy",
     "Measurement": "bridge.agents.measurements",
     "NoRun": "lostlink.reading.run",
     "Reception": "bridge.bus.reception",
@@ -70,7 +78,9 @@ _PLACES = {
     "UaClient": "bridge.agents.client",
     "connect_ua": "bridge.agents.beside",
     "fly": "lostlink.flight.scripted",
+    "geodetic_from_ned": "fdm.model.geodesy",
     "load_run": "lostlink.reading.run",
+    "ned_from_geodetic": "fdm.model.geodesy",
     "redecide": "lostlink.redecision.redecide",
 }
 

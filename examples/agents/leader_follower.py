@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import asyncio
 
-from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
-from lostlink import Agent
+from lostlink import Agent, GeodeticPosition, geodetic_from_ned
 
 LEADER = "0"
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import asyncio
 
-from bridge.agents import Agent
-from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
+from lostlink import Agent, GeodeticPosition, geodetic_from_ned
 
 
 class TurnBack(Agent):

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import asyncio
 
-from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
-from lostlink import Agent, CommandFailed
+from lostlink import Agent, CommandFailed, GeodeticPosition, geodetic_from_ned
 
 
 class Wander(Agent):

@@ -12,9 +12,7 @@ import struct
 
 from averaging import SCHEMES
 
-from bridge.bus.messages import DecodeError
-from bridge.bus.reception import Reception
-from lostlink import Agent
+from lostlink import Agent, DecodeError, Reception
 
 CHANNEL = "consensus"
 

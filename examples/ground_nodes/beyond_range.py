@@ -7,8 +7,7 @@ routes.parquet in the run directory has the way that each report took, and agent
 
 from __future__ import annotations
 
-from bridge.agents import Agent
-from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
+from lostlink import Agent, GeodeticPosition, geodetic_from_ned
 
 REPORT_PERIOD_NS = 250_000_000
 

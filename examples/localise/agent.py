@@ -18,11 +18,8 @@ from localisation.localiser import Localiser, Settings
 from localisation.model import Floats, MeanPower, Spread
 from localisation.planner import Fence, PlannerSettings, Way
 
-from bridge.agents import Measurement
-from bridge.bus.messages import DecodeError
-from bridge.bus.reception import Reception
 from channel.sensing.sensor import Sensor
-from lostlink import Agent
+from lostlink import Agent, DecodeError, Measurement, Reception
 
 CHANNEL = "localise"
 LOOK_S = 1.0

@@ -13,11 +13,9 @@ import struct
 import numpy as np
 from placement import best, grid, links_of, relayed
 
-from bridge.bus.messages import DecodeError
-from bridge.bus.reception import Reception
 from channel import Radio
 from channel.presets import radio_from_mapping
-from lostlink import Agent
+from lostlink import Agent, DecodeError, Reception
 
 COMMAND, REPORT = "command", "report"
 """Channels: from the ground station to the UA, and back."""

@@ -188,7 +188,9 @@ def test_where_the_system_does_not_show_when_threads_run_px4_is_flown_and_that_i
 
 
 @pytest.mark.parametrize("is_read_at_rest_alone", [False, True])
-def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on(is_read_at_rest_alone, monkeypatch):
+def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on(
+    is_read_at_rest_alone, monkeypatch
+):
     if is_read_at_rest_alone:  # whatever comes first sees its answer
         monkeypatch.setattr(welcome.Px4Seats, "_says", lambda seats, seat: None)
     ended = {}
