@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ class ShownFlight(Flight):
         self, scenario: Scenario, directory: RunDirectory, console: Console, *, quiet: bool = False
     ) -> None:
         understudies = understudies_of(scenario)
-        super().__init__(scenario, directory, Progress(console, quiet=quiet), understudies=understudies)
+        self._progress = Progress(console, quiet=quiet, on_unread=self._unread)
+        super().__init__(scenario, directory, self._progress, understudies=understudies)
         self.take_signals()
         self.console = console
         self.quiet = quiet
@@ -34,7 +36,7 @@ class ShownFlight(Flight):
     ) -> dict[str, Any] | None:
         """As `Flight.fly`; None if not even a summary could be written (the error was reported)."""
         if not self.quiet:
-            self.console.print(f"run {self.directory.path}", soft_wrap=True)
+            self._progress.tell(f"run {self.directory.path}")
         try:
             return self.fly(dirs, replay)
         except (OSError, ValueError) as error:
@@ -46,6 +48,11 @@ class ShownFlight(Flight):
                 err=True,
             )
             return None
+
+    def _unread(self) -> None:
+        """Nobody reads what is printed: that ends a run as the end of its terminal does."""
+        self.signal = self.signal or signal.SIGPIPE  # Ctrl-C ends whoever reads, too
+        self.interrupt()
 
 
 def fly(

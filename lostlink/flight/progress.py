@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic
 from typing import Self
 
@@ -32,13 +34,20 @@ IN_A_LINE_MAX = 4
 class Progress:
     """Shows a run's messages; a live view on a terminal, a line now and then elsewhere, nothing if quiet.
 
+    Args:
+        console: where to.
+        quiet: errors and warnings alone.
+        on_unread: called when nobody reads any more, in whichever thread finds it.
+
     Attributes:
         glance: where states and link reports are to be kept for it; None: it shows none.
     """
 
-    def __init__(self, console: Console, *, quiet: bool = False) -> None:
+    def __init__(
+        self, console: Console, *, quiet: bool = False, on_unread: Callable[[], object] = lambda: None
+    ) -> None:
         self.glance = None if quiet else Glance()
-        self._console = console
+        self._console, self._on_unread = console, on_unread
         self._quiet = quiet
         self._phase = "starts"
         self._phase_s = self._said_s = self._tick_s = monotonic()
@@ -92,11 +101,13 @@ class Progress:
 
     def on_error(self, text: str) -> None:
         """Show what went wrong, also if quiet."""
-        say(f"lostlink: {text}", err=True)
+        with self._unread_told():
+            say(f"lostlink: {text}", err=True)
 
     def on_warning(self, text: str) -> None:
         """Show what somebody must see, also if quiet."""
-        say(f"warning: {text}", err=True)
+        with self._unread_told():
+            say(f"warning: {text}", err=True)
 
     def on_news(self, text: str) -> None:
         """Show how far something long is."""
@@ -111,7 +122,22 @@ class Progress:
         """Print a line, if this is how it is shown."""
         if self._pulse is not None:
             self._said_s = monotonic()
+            self.tell(text)
+
+    def tell(self, text: str) -> None:
+        """Print a line."""
+        with self._unread_told():
             self._console.print(text, soft_wrap=True)
+
+    @contextmanager
+    def _unread_told(self) -> Iterator[None]:
+        try:
+            yield
+        except (
+            BrokenPipeError,
+            SystemExit,
+        ):  # the second is of rich, whose console prints nothing from then on
+            self._on_unread()
 
     def _speak_up(self) -> None:
         """In a thread: when nothing was printed for a while, print what is waited for."""

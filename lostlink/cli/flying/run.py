@@ -126,7 +126,7 @@ def run(
       1  they disagree with the model, or the run broke off
       2  it could not start
       3  they agree with the model, but an expectation of the scenario failed
-      128 + signal if it was interrupted
+      128 + signal if it was interrupted (141: nobody read what it prints any more)
 
     \b
     Examples:

@@ -231,6 +231,25 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
     assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
 
 
+@pytest.mark.parametrize("begin", ["run ", "sim time"])
+def test_a_run_that_nobody_reads_any_more_ends_in_order(
+    tmp_path: Path, free_slot: Callable[[int], int], begin: str
+) -> None:
+    options = ["--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--duration", str(LONG_S)]
+    with subprocess.Popen(
+        [*LOSTLINK, "run", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as run:
+        assert run.stdout is not None
+        assert run.stderr is not None
+        while not run.stdout.readline().startswith(begin.encode()):
+            pass
+        run.stdout.close()
+        assert run.wait(30.0) == 128 + signal.SIGPIPE
+        assert run.stderr.read() == b""
+    (directory,) = tmp_path.iterdir()
+    assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
+
+
 TAKEN_LATER = """\
 import bridge.fleet.preflight.slots as slots
 
