@@ -47,6 +47,7 @@ from channel.network.network import RadioRoute
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
+from lostlink.redecision.as_flown import refuse_another_flight
 from lostlink.redecision.comparison import DecisionComparison, compare_decisions
 from lostlink.redecision.on_network import NetworkAnew, Transmissions, decide_all
 from lostlink.redecision.packet_facts import PacketFacts
@@ -161,15 +162,11 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     """As `redecide`, by the radios and the seed of a scenario that has the run's nodes.
 
     Raises:
-        ValueError, OSError: as `redecide`.
+        ValueError, OSError: as `redecide`; or the scenario has another value of what stays as recorded.
     """
     nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
     recorded = scenario_of(run)
-    if period_ns != recorded.tick_period_ns:
-        raise ValueError(
-            f"tick_rate_hz: {run} has {recorded.tick_rate_hz} ticks a second; its packets cannot be decided at another "
-            "rate"
-        )
+    refuse_another_flight(run, recorded, scenario)
     before = DeliveryRows.read(run, nodes)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, reduce
 from itertools import product
@@ -84,18 +84,44 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
     for place, (label, changes) in product(study.scenario, together.items()):
         for choice in product(*vary.values()):
             varied = dict(zip(vary, choice, strict=True))
-            values = {
-                **UNASKED,
-                **(UNKEPT if study.keep != "all" else {}),
-                **study.set,
-                **changes,
-                **{key: value for key, (_, value) in varied.items()},
-            }
+            chosen = {key: value for key, (_, value) in varied.items()}
+            values = laid_over(UNASKED, UNKEPT if study.keep != "all" else {}, study.set, changes, chosen)
             for seed in study.seeds:
                 labels: Labels = {"case": label} if study.cases else {}
                 labels |= {key: text for key, (text, _) in varied.items()} | {"seed": seed}
                 at = _scenario_at(place, folder)
                 yield place, _case(at, labels, {**values, "seed": seed}, folder, named)
+
+
+def laid_over(*layers: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings by dotted key, each layer over those before it, in an order in which a whole erases none of its parts.
+
+    ``radio: wifi-2.4`` leaves ``radio.base_loss: 0.4`` of an earlier layer, as it says nothing of that; with
+    ``radio: {preset: wifi-2.4, base_loss: 0.1}`` the later one holds.
+    """
+    laid: dict[str, Any] = {}
+    for layer in layers:
+        laid = {key: value for key, value in laid.items() if not _is_said_in(key, layer)} | dict(layer)
+    return dict(sorted(laid.items(), key=lambda item: item[0].count(".")))
+
+
+def _is_said_in(key: str, layer: Mapping[str, Any]) -> bool:
+    """Whether a layer has the key in the mapping that it gives one above it."""
+    above, _, below = key.rpartition(".")
+    while above:
+        if above in layer and _has(layer[above], below.split(".")):
+            return True
+        above, _, step = above.rpartition(".")
+        below = f"{step}.{below}"
+    return False
+
+
+def _has(value: object, steps: Sequence[str]) -> bool:
+    for step in steps:
+        if not isinstance(value, Mapping) or step not in value:
+            return False
+        value = value[step]
+    return True
 
 
 def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
