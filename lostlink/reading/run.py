@@ -139,8 +139,8 @@ class Run:
 
     @cached_property
     def truth(self) -> pd.DataFrame:
-        """True states, a row per tick and node."""
-        return frame_of_table(self.table(TRUTH.name), TRUTH.tick)
+        """True states, a row per tick and node, each at its own instant: up to a frame of its autopilot after the tick."""
+        return frame_of_table(self.table(TRUTH.name), "sim_time_ns")
 
     @cached_property
     def states(self) -> pd.DataFrame:

@@ -19,6 +19,7 @@ from bridge.record.names import from_autopilot, inputs_path, logged, packets
 from bridge.record.packets import SentPacket, encode_packet
 from bridge.record.streams import Entry
 from bridge.record.tables.every import TABLES
+from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import SCENARIO_FILE
 from bridge.scenario.file import read_scenario
 from lostlink.reading.run import NoRun, Run, load_run
@@ -48,6 +49,13 @@ def write(path: Path, *, is_finished: bool = True) -> Path:
     report.event(5 * TICK_NS, "1", "stalled", "its autopilot owes a packet")
     report.close()
     return path
+
+
+def test_true_states_have_their_own_instants(tmp_path: Path) -> None:
+    truth = TruthWriter(tmp_path, ("0",))
+    truth.append(3 * TICK_NS, [truth_at("0", 3 * TICK_NS + 9_375_000)])
+    truth.close()
+    assert Run(tmp_path).truth[["sim_time_s", "tick_ns"]].to_numpy().tolist() == [[0.159375, 3 * TICK_NS]]
 
 
 @pytest.mark.parametrize("is_finished", [True, False])
