@@ -139,7 +139,7 @@ class Run:
 
     @cached_property
     def truth(self) -> pd.DataFrame:
-        """True states, a row per tick and node, each at its own instant: up to a frame of its autopilot after the tick."""
+        """True states, a row per tick and node, each at its own instant (`sim_time_ns`)."""
         return frame_of_table(self.table(TRUTH.name), "sim_time_ns")
 
     @cached_property
