@@ -161,16 +161,10 @@ def test_mistakes_in_a_file_are_told_with_their_place(tmp_path, content, message
     ("arguments", "message"),
     [
         (["--serial", "/dev/null:123"], "cannot run at 123 baud"),
-        (["--udp-in", "203.0.113.1:6760"], "cannot listen on 203.0.113.1:6760"),
-        (["--sysid", "0"], "--sysid must be in 1..255, not 0"),
-        (["--index", "-1"], "--index must be in 0..254, not -1"),
-        (["--listen", "6760"], "'6760' is not HOST:PORT"),
-        (["--autopilot", "udp:127.0.0.1:1"], "'udp:127.0.0.1:1' is not tcp:HOST:PORT"),
-        (["--rate-hz", "0"], "--rate-hz must be positive, not 0.0"),
         (["--listen", "203.0.113.1:6760"], "cannot listen on 203.0.113.1:6760"),
     ],
 )
-async def test_wrong_arguments_are_one_line(arguments, message):
+async def test_a_link_that_cannot_be_is_one_line(arguments, message):
     process = await start(*arguments)
     _, stderr = await asyncio.wait_for(process.communicate(), 20)
     assert process.returncode == 2
@@ -178,11 +172,30 @@ async def test_wrong_arguments_are_one_line(arguments, message):
     assert message in told
 
 
-async def test_help_has_examples():
-    process = await start("--help")
-    stdout, _ = await asyncio.wait_for(process.communicate(), 20)
-    assert process.returncode == 0
-    assert b"python -m aps --autopilot tcp:127.0.0.1:5760 --sysid 1 --listen 127.0.0.1:6760" in stdout
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--udp-in", "203.0.113.1:6760"], "cannot listen on 203.0.113.1:6760"),
+        (["--sysid", "0"], "--sysid must be in 1..255, not 0"),
+        (["--index", "-1"], "--index must be in 0..254, not -1"),
+        (["--listen", "6760"], "'6760' is not HOST:PORT"),
+        (["--autopilot", "udp:127.0.0.1:1"], "'udp:127.0.0.1:1' is not tcp:HOST:PORT"),
+        (["--rate-hz", "0"], "--rate-hz must be positive, not 0.0"),
+    ],
+)
+def test_wrong_arguments_are_one_line(arguments, message, capsys):
+    assert main(["--listen", "127.0.0.1:0", *arguments]) == 2
+    (told,) = capsys.readouterr().err.splitlines()
+    assert message in told
+
+
+def test_help_has_examples(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    assert (
+        "python -m aps --autopilot tcp:127.0.0.1:5760 --sysid 1 --listen 127.0.0.1:6760"
+        in capsys.readouterr().out
+    )
 
 
 async def test_a_daemon_that_fails_of_itself_ends_the_program():
@@ -206,6 +219,7 @@ def test_a_period_of_status_that_is_none_is_refused(period, capsys):
     )
 
 
+@pytest.mark.slow
 async def test_status_as_json_ends_with_ctrl_c_without_a_traceback():
     process = await start("status", "--json", "--period=0.05")
     assert json.loads(await line(process)) is not None
@@ -214,6 +228,7 @@ async def test_status_as_json_ends_with_ctrl_c_without_a_traceback():
     assert (process.returncode, stderr) == (0, b"")
 
 
+@pytest.mark.slow
 async def test_a_name_that_no_machine_has_is_told_with_the_link():
     process = await start("--listen", "256.0.0.1:6760", "--quiet")
     _, stderr = await asyncio.wait_for(process.communicate(), 60)
@@ -221,6 +236,7 @@ async def test_a_name_that_no_machine_has_is_told_with_the_link():
     assert stderr.decode().startswith("aps: cannot listen on tcp-server:256.0.0.1:6760: ")
 
 
+@pytest.mark.slow
 async def test_when_nobody_reads_the_states_any_more_clients_are_served_on(autopilot, connect):
     reading, writing = os.pipe()
     process = await asyncio.create_subprocess_exec(

@@ -142,6 +142,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_whoever_goes_on_sending_does_not_hold_the_exchange():
     link = HeldUdpLink(parse_autopilot("udp-in:127.0.0.1:0"), 1 << 20)
     assert link.connect_now()

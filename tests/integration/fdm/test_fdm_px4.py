@@ -24,6 +24,7 @@ from tests.px4_exchange import HOME, Flight, play, played, spec
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="whether PX4 is at rest is seen in /proc")
 
 
+@pytest.mark.slow
 def test_frames_go_on_where_nobody_answers_and_how_many_is_no_matter_of_wall_time():
     digests = set()
     for _ in range(3):
@@ -54,6 +55,7 @@ def test_a_px4_that_is_killed_is_let_go_and_its_neighbour_flies_on():
     assert flight.ticks[-1].stalled_ua == (0,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shows_rest", [True, False])
 def test_a_px4_that_is_stopped_for_a_while_is_let_go_and_taken_back(shows_rest, monkeypatch):
     if not shows_rest:
@@ -149,6 +151,7 @@ def test_its_threads_are_kept_on_one_core(monkeypatch):
     assert watched.ON_MANY_CORES not in counters[1]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
 def test_those_who_are_stopped_in_their_turn_on_a_core_hold_nobody(monkeypatch):
     def at_tick(sim_s):
@@ -197,6 +200,7 @@ def flown_in_order(at_tick, until_s=1.0, **settings):
     return flight.driven[:240], wakes
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
 @pytest.mark.parametrize("killed_at_s", [9.0, 0.5], ids=["to the end", "the probe is killed"])
 def test_frames_of_real_time_threads_are_those_that_looks_give(killed_at_s, monkeypatch):

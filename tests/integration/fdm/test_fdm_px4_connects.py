@@ -113,6 +113,7 @@ def test_px4_that_flies_stays_and_who_connects_beside_it_is_refused():
     assert (counters[0]["connections_refused"], counters[0]["frames_unanswered"]) == (1, 3)
 
 
+@pytest.mark.slow
 def test_a_second_px4_is_not_served_and_keeps_its_connection_as_it_would_spin_without():
     others, at_end = [], []
 
@@ -211,6 +212,7 @@ def test_a_px4_that_is_not_in_lockstep_is_refused_and_its_neighbour_flies_on(
     assert flight.ticks[-1].sim_time_ns == 500_000_000
 
 
+@pytest.mark.slow
 def test_a_px4_that_was_refused_is_closed_when_another_comes():
     ended, both = [], []
 
@@ -237,6 +239,7 @@ def test_a_px4_that_was_refused_is_closed_when_another_comes():
     assert both[0].returncode == 0
 
 
+@pytest.mark.slow
 def test_a_px4_that_never_answers_is_told_once():
     flight = Flight([spec()], until_s=9.0)
     with played(flight.exchange.ports[0], 0, 0):

@@ -55,6 +55,7 @@ def test_a_killed_worker_ends_the_run_with_its_name():
     assert all(is_gone(pid) for pid in pids)
 
 
+@pytest.mark.slow
 def test_signals_to_the_whole_process_group_leave_the_end_to_who_started_the_workers():
     events = []
     exchange = FleetExchange(

@@ -270,6 +270,7 @@ COUNTS = (
 )
 
 
+@pytest.mark.slow
 @needs_namespace
 def test_ctrl_c_in_a_terminal_reaches_the_program_once(attach: Attach) -> None:
     ours, theirs = os.openpty()
@@ -371,6 +372,7 @@ WITHOUT_RIGHTS = (
 """No user namespaces, and none of root's rights to others."""
 
 
+@pytest.mark.slow
 @needs_namespace
 @pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv here (util-linux)")
 def test_without_the_right_to_namespaces_there_is_a_word(attach: Attach) -> None:
@@ -395,6 +397,7 @@ WITHOUT_TUN = (
 )
 
 
+@pytest.mark.slow
 @needs_namespace
 def test_without_tun_devices_there_is_a_word(attach: Attach) -> None:
     said = refused(attach("0", "--", "true", before=WITHOUT_TUN))

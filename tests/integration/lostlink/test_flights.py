@@ -14,6 +14,7 @@ from lostlink.testing import flight as testing
 from lostlink.testing.flight import Flights
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_at_the_last_moment_is_why_a_flight_did_not_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

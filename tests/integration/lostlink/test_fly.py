@@ -52,6 +52,7 @@ def test_a_mapping_is_flown_and_read_back(tmp_path: Path, scenario: dict[str, An
     assert children() == []
 
 
+@pytest.mark.slow
 def test_a_run_whose_ports_are_in_use_moves_if_it_may(tmp_path: Path, scenario: dict[str, Any]) -> None:
     slot = scenario["ports"]["first_slot"]
     with socket.create_server(("127.0.0.1", 6760 + 10 * slot)):

@@ -85,6 +85,7 @@ def test_a_run_flies_without_a_view_that_does_not_come_and_says_so(
     assert (flown.summary["ending"], flown.summary["sim_duration_s"]) == ("duration", 1.0)
 
 
+@pytest.mark.slow
 def test_a_view_that_ends_before_the_run_is_told_while_it_flies(
     tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:

@@ -123,6 +123,7 @@ async def what_is_told(ua: UaClient) -> dict[str, str]:
     return told
 
 
+@pytest.mark.slow
 def test_what_is_no_text_is_the_callers_mistake_on_board_and_beside(
     tmp_path: Path, file: Path, start_run: StartRun
 ) -> None:

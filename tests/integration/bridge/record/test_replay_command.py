@@ -253,6 +253,7 @@ def test_it_publishes_through_a_router_of_somebody_elses(record: Path, tmp_path:
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_it_begins_with_the_record_at_the_earliest(played: Any) -> None:
     replay = played("--speed", "max", "--from=-inf", "--to", "inf")
     assert replay.first_line.startswith("plays 0 s to 2 s on ")

@@ -73,6 +73,7 @@ def test_what_a_modem_carries_and_takes_is_measured() -> None:
     assert 0 < one["cores"] < 0.9
 
 
+@pytest.mark.slow
 def test_what_chains_carry_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     bench_chain.main(["--duration", "0.4"])
     shares = json.loads(capsys.readouterr().out.splitlines()[-1])["shares"]

@@ -213,6 +213,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
 
 
+@pytest.mark.slow
 def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
     options = ["--out", str(tmp_path), "--first-slot", str(free_slot(2)), "--duration", str(LONG_S)]
     command = [LOSTLINK[0], "-c", ON_A_TERMINAL, *LOSTLINK[1:], "run", *options]

@@ -76,6 +76,7 @@ def test_link_quality_is_that_of_ones_own_link() -> None:
         assert all(meter.quality), node
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ecc", "counts"), [(False, False), (True, True)])
 def test_frames_of_another_netid_are_no_packets_and_with_ecc_errors(ecc: bool, counts: bool) -> None:
     """On one channel each hears the other links, 14 dB below the peer (10 m and 50 m), which are no errors.

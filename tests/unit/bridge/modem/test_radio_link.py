@@ -66,6 +66,7 @@ def test_units_that_the_channel_loses_have_its_cause(values: dict[str, Any], cau
     assert link.pair.modems[GROUND].counts.units_lost == {cause: 5}
 
 
+@pytest.mark.slow
 def test_units_in_chunks_that_came_damaged_are_erased() -> None:
     """ExpressLRS repeats frames that are lost; the last frame of a damaged chunk came."""
     link = link_of("elrs-900-200", base_loss=0.4)

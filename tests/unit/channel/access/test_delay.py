@@ -38,6 +38,7 @@ def delays_ms(settings: DelaySettings, count: int, each_ns: int) -> NDArray[np.f
     return np.array([fate.at_ns - fate.ended_ns for fate in found]) / MS
 
 
+@pytest.mark.slow
 def test_delays_have_their_distribution() -> None:
     """Kolmogorov-Smirnov at 1 %, of so many independent draws that a median 2 % off is told from the right one.
 

@@ -150,6 +150,7 @@ def test_readings_in_steps_as_wide_as_the_shadowing_are_not_off_the_law(sigma_db
     assert fit_radio(log, config).goodness.readings > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("span_m", "rise_db"), [(5.0, 0.0), (5.0, 3.0), (5.0, -6.0), (1000.0, 20.0), (1000.0, 60.0)]
 )

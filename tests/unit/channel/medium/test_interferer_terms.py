@@ -54,6 +54,7 @@ def states_dbm() -> tuple[float, float, float]:
     return share, 30.0 - clear, 30.0 - hidden
 
 
+@pytest.mark.slow
 def test_a_tower_is_seen_or_hidden_and_not_at_the_mean_of_both_in_db() -> None:
     share, seen_dbm, hidden_dbm = states_dbm()
     law = {"propagation": {"model": "uma-av", "outside": "clamp"}}

@@ -150,6 +150,7 @@ RANDOM = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terms", [{}, RANDOM])
 def test_neither_ticks_nor_bystanders_change_who_waits(terms: dict[str, Any]) -> None:
     """With an interferer in pulses near the level of energy; bystanders are beyond reach, and send."""
@@ -218,6 +219,7 @@ def test_a_radio_that_is_switched_off_leaves_neither_a_back_off_nor_a_window_to_
     assert (station._cw, station._backoff) == (access.timing.cw_min, NO_BACKOFF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lbt", "energy_dbm"), [(True, -90.0), (True, -50.0), (False, -90.0)])
 def test_a_sik_radio_that_listens_before_it_talks_hears_interferers(lbt: bool, energy_dbm: float) -> None:
     """-60 dBm in slots of 0.2 s: it begins 5 ms after the end of one at the earliest; -50 dBm it never is."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from channel.access.packets import PLAIN
 from channel.access.settings.base import Surroundings
@@ -42,6 +43,7 @@ def seen(length_bytes: int) -> list[tuple[int, int, int]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_pair_of_elrs_is_judged_by_the_frame_of_each_slot_whatever_is_sent_again() -> None:
     """Fragments are sent until they come: judged by these, the link would seem worse than it is."""
     idle, used = seen(0), seen(60)

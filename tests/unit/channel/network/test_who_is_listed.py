@@ -88,7 +88,7 @@ def came(nodes: Sequence[str], preset: str, changes: Mapping[str, object], sende
     return found
 
 
-@pytest.mark.parametrize("senders", ["abcd", "ad"])
+@pytest.mark.parametrize("senders", [pytest.param("abcd", marks=pytest.mark.slow), "ad"])
 @pytest.mark.parametrize("medium", MEDIA)
 def test_the_order_of_nodes_and_far_ones_change_nothing(medium: str, senders: str) -> None:
     preset, changes = MEDIA[medium]

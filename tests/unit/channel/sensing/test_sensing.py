@@ -97,6 +97,7 @@ def test_a_measurement_that_is_due_at_a_tick_is_taken_then(rate_hz: float) -> No
     assert [at[n] for n in numbers] == [-(-n * 20 // int(rate_hz)) for n in numbers]
 
 
+@pytest.mark.slow
 def test_fading_goes_with_the_carrier_of_the_emitter() -> None:
     """Clarke: in a ring the power has the correlation J0(2 pi d / lambda)^2, lambda the emitter's wavelength."""
     radio = PLAIN | {"fading": {"model": "rayleigh", "coherence": "doppler", "max_coherence_s": 1e4}}

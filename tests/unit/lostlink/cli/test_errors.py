@@ -11,6 +11,7 @@ import pytest
 
 from lostlink.cli.main import main
 from tests.unit.lostlink.replay.flown import flown, scenario_of
+from tests.warm import Command
 
 
 @pytest.mark.parametrize(
@@ -53,15 +54,20 @@ def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str
     run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")))
     reads, writes = os.pipe()
     os.close(reads)
-    command = [sys.executable, "-m", "lostlink", *arguments, str(run)]
-    ended = subprocess.run(command, stdout=writes, stderr=subprocess.PIPE, text=True, check=False)
+    ended = Command(*arguments, run, stdout=writes, stderr=subprocess.PIPE, text=True)
     os.close(writes)
-    told = [line for line in ended.stderr.splitlines() if not line.startswith("report: ")]
+    _, said = ended.communicate(timeout=60)
+    told = [line for line in said.splitlines() if not line.startswith("report: ")]
     assert (ended.returncode, told) == (141, [])
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--help",), ("--version",), ("link", "--help"), ("runn",), ("run", "--sett", "x")]
+    "arguments",
+    [("--help",), ("runn",)]
+    + [
+        pytest.param(each, marks=pytest.mark.slow)
+        for each in (("--version",), ("link", "--help"), ("run", "--sett", "x"))
+    ],
 )
 def test_a_help_and_a_mistake_that_nobody_reads_end_likewise(arguments: tuple[str, ...]):
     reads, writes = os.pipe()
@@ -72,6 +78,7 @@ def test_a_help_and_a_mistake_that_nobody_reads_end_likewise(arguments: tuple[st
     assert ended.returncode == 141
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_characters_that_a_terminal_has_not_end_no_command(encoding: str, tmp_path: Path):
     extra = "expectations: [{type: ending, ending: done, name: 'n\u00e4her \u20ac'}]\n"

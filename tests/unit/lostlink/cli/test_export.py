@@ -175,6 +175,7 @@ main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--mcap", "--csv"])
 def test_of_a_file_that_could_not_be_written_nothing_is_left(tmp_path: Path, option: str) -> None:
     folder = make_run(tmp_path / "run")

@@ -183,6 +183,7 @@ def test_figures_without_pandas_are_refused_before_anything_flies(
     assert "figures: needs pandas: pip install 'lostlink[pandas]'" in done.stderr
 
 
+@pytest.mark.slow
 def test_each_case_of_a_study_has_the_folder_of_px4_in_its_own_process(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
     file.write_text("schema: 1\nname: mine\nscenario: separation\nset: {autopilot: px4}\n", encoding="utf-8")

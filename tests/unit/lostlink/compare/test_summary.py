@@ -123,6 +123,7 @@ def test_a_run_without_an_end_has_no_summary_to_be_wrong(
     assert mistakes_in_summary(run) == []
 
 
+@pytest.mark.slow
 def test_compare_and_report_say_so_with_status_1(recorded: Callable[[Path], Path], tmp_path: Path) -> None:
     a, b, c = (recorded(tmp_path / name) for name in "abc")
     assert invoke(compare, a, b).exit_code == 0

@@ -58,6 +58,7 @@ nodes:
 SECOND = "  - {id: 1, agent: {type: still}}\n"
 
 
+@pytest.mark.slow
 def test_links_and_heights_that_a_cellular_law_does_not_have_are_told_before_the_run() -> None:
     """A base and a UA are what it is for; two UA are refused at once, or said to be counted otherwise."""
     one, two = (
@@ -561,6 +562,7 @@ def test_sensors_that_measure_no_emitter_are_warned_of() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_law_that_refuses_a_place_on_the_ground_ends_no_plan() -> None:
     """rma-av is for a base of 35 m and UA from 1.5 m on: a UA at home is lower, the mast is what it is made for."""
     refused, clamped = held("{model: rma-av}"), held("{model: rma-av, outside: clamp}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
@@ -32,6 +33,7 @@ IN_RUN = {
 }
 
 
+@pytest.mark.slow
 def test_in_the_record_of_a_run_a_jammer_jams_all_that_list_it_at_once(tmp_path: Path) -> None:
     text = SCENARIO
     for name, interferer in IN_RUN.items():

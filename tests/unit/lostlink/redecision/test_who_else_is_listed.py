@@ -48,6 +48,7 @@ def rows_of(path: Path, nodes: Sequence[str], radio: str) -> dict[tuple[str, int
     return {(tx, seq, rx): tuple(map(repr, rest)) for tx, seq, rx, *rest in rows if rx in NODES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radio", ["wifi-2.4", "lte-uav"])
 def test_in_the_record_of_a_run_far_nodes_change_nothing_wherever_they_are_listed(
     radio: str, tmp_path: Path

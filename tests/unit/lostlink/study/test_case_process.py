@@ -9,6 +9,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.study.case_process import (
     LOCK_FILE,
@@ -94,6 +96,7 @@ def test_a_result_is_forgotten_unless_it_is_done_or_in_hand(tmp_path: Path) -> N
     forget(tmp_path, "b", labels)
 
 
+@pytest.mark.slow
 def test_two_studies_at_once_write_a_plan_each_as_a_whole(tmp_path: Path) -> None:
     code = (
         "import sys\nfrom pathlib import Path\nfrom lostlink.study.case_process import write_whole\n"

@@ -24,6 +24,7 @@ def exchange(link: ScriptedLink, until_s: float = 10.0) -> tuple[list[int], list
     return down, up
 
 
+@pytest.mark.slow
 def test_a_scripted_exchange_loses_the_same_frames_each_time(modem_link: ModemLinks) -> None:
     first, again, other = (
         exchange(modem_link("sik-433", distance_m=500.0, seed=seed, settings=LOSSY)) for seed in (3, 3, 4)

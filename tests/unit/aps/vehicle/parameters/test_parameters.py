@@ -142,6 +142,7 @@ def test_a_file_is_whole_whose_last_piece_or_its_end_is_lost(unheard, length, to
     assert asked_of_files(bench)[-1][0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
 def test_a_file_that_was_read_is_whole_however_much_is_lost(loss):
     for seed in range(100):

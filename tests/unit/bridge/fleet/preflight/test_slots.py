@@ -81,6 +81,7 @@ def test_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
             held.enter_context(free(2))
 
 
+@pytest.mark.slow
 def test_there_are_slots_for_the_studies_of_a_class() -> None:
     studies, lanes, ua = 20, 8, 2
     with ExitStack() as held:

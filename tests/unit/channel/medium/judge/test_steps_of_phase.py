@@ -1,6 +1,7 @@
 """Of ends at rest powers change by less in half a millisecond than the channel's table of phases has steps for."""
 
 import numpy as np
+import pytest
 
 from channel import presets
 from channel.link.radio import Radio
@@ -28,6 +29,7 @@ def check(seed, at_ns=AT_NS):
     return {each.name: each for each in (*verdict.checks, *verdict.unjudged)}[FROM_PACKET_TO_PACKET.name]
 
 
+@pytest.mark.slow
 def test_a_burst_at_rest_is_not_called_wrong():
     """By the steps alone the mean square was about 1.7 of such a run, and one in two failed."""
     found = [check(seed) for seed in range(12)]

@@ -78,6 +78,7 @@ def test_a_short_flight_says_that_it_sees_nothing_of_correlation():
     ]
 
 
+@pytest.mark.slow
 def test_power_is_the_share_of_wrong_worlds_that_are_seen():
     """With so few places that about half are."""
     radio, changes, world, name = WRONG["2 dB less than one-sided"]

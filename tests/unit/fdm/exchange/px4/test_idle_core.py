@@ -98,6 +98,7 @@ def rests_at_ns(core, which):
     return time.monotonic_ns()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("priority", [50, 1])
 def test_it_is_at_rest_when_its_real_time_threads_have_ended_what_they_do(core, start, priority):
     """Also those of the priority that the probe has."""
