@@ -175,16 +175,16 @@ def test_load_on_several_pairs_of_sik_radios_is_that_of_the_busiest() -> None:
 
 
 def test_load_on_a_medium_is_over_what_it_carries() -> None:
-    """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 40 for 20."""
+    """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 10 for each."""
     plan = on_medium("model=tdma", "slot_s=0.05", "guard_s=0.001")
     load, payload_bps = plan["load"], 20 * 8 * (HOLDS_BYTES + FLIES_OUT_BYTES)
-    assert (load["medium"], load["takes_time"], load["is_shared"]) == ("tdma", True, True)
-    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([1.0, 1.0])
+    assert (load["medium"], load["takes_time"], load["is_shared"]) == ("tdma", True, False)
+    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([2.0, 2.0])
     assert load["payload_bits_per_s"] == payload_bps
-    assert load["capacity_bps"] == pytest.approx(payload_bps / 2.0)
+    assert load["capacity_bps"] == pytest.approx(10 * 8 * FLIES_OUT_BYTES)
     (warning,) = plan["warnings"]
     assert warning.startswith(
-        "the nodes offer 2 times what the medium tdma carries: packets wait in queues until"
+        "a node offers 2 times what the medium tdma carries: packets wait in queues until"
     )
     assert plan["radio"]["medium"] == "tdma"
     assert not any(
@@ -243,11 +243,20 @@ def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:
 
 def test_a_package_that_fits_no_slot_is_warned_of() -> None:
     """41 ms of 64 kb/s are 328 bytes and no more."""
-    plan = on_medium("model=tdma", "slot_s=0.041")
+    plan = on_medium("model=tdma", "slot_s=0.041", more=["transmit.every_ticks=2"])
     (warning,) = plan["warnings"]
     assert warning.startswith(
         f"node 1: its data package has {FLIES_OUT_BYTES} bytes, for which the medium tdma has no"
     )
+
+
+@pytest.mark.parametrize(
+    "medium", [("model=airtime", "max_length_bytes=300"), ("model=elrs", "buffer_bytes=300")]
+)
+def test_a_package_that_is_too_long_for_the_medium_is_warned_of(medium: tuple[str, str]) -> None:
+    warnings = " ".join(on_medium(*medium)["warnings"])
+    for node, length in ((0, HOLDS_BYTES), (1, FLIES_OUT_BYTES)):
+        assert f"node {node}: its data package has {length} bytes, for which the medium" in warnings
 
 
 def test_a_package_that_fits_no_slot_with_the_header_of_its_routing_is_warned_of() -> None:
@@ -283,8 +292,8 @@ def test_load_on_a_medium_reads_well() -> None:
         "separation", "--radio", "telemetry-915", *(part for each in options for part in ("--set", each))
     )
     line = (
-        "  all nodes: 2 packets/s, 5632 bit/s of payload, 10.0% of the 5.632e+04 bit/s that the medium tdma carries of "
-        "such packets"
+        "  all nodes: 2 packets/s, 5632 bit/s of payload, the busiest sender 10.0% of the 3.008e+04 bit/s that the "
+        "medium tdma carries of its packets"
     )
     assert line in said.output.splitlines()
     assert "data packages only" not in said.output
