@@ -54,6 +54,12 @@ class TdmaMedium(Serial):
         """Whether a node, by its id, has a slot; one without only listens."""
         return any(node in slot.nodes for slot in self._by_id((node,)).slots)
 
+    @property
+    def rates_bps(self) -> tuple[float, ...]:
+        """The bit rates of slots that have one of their own, rising."""
+        slots = () if self.schedule is None else self.schedule.slots
+        return tuple(sorted({slot.bit_rate_bps for slot in slots if slot.bit_rate_bps is not None}))
+
     def channels_used(self) -> frozenset[int]:
         """Those of its slots, too."""
         of_slots = self._by_id(()).channels if self.schedule is not None else frozenset()

@@ -207,6 +207,21 @@ def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
     assert load["airtime_share"] == pytest.approx(4.0)
 
 
+def test_in_slots_of_another_rate_packages_arrive_as_far_as_with_a_radio_of_that_rate() -> None:
+    """All slots at 1 Mb/s, and the reach was told at 64 kb/s, 12 dB more; that of half of 64 kb/s in one of two."""
+    radio, medium = ["radio=telemetry-915", "radio.noise={model: thermal}"], "radio.medium.model=tdma"
+    slots = (
+        "{nodes: 0, duration_s: 0.1, bit_rate_bps: 32e3}, {nodes: 1, duration_s: 0.1, bit_rate_bps: 1024e3}"
+    )
+    found = plan_with(*radio, medium, f"radio.medium.schedule={{slots: [{slots}]}}")["radio"]["slot_reach"]
+    for rate in ("32000", "1.024e+06"):
+        plain = plan_with(*radio, medium, "radio.medium.slot_s=0.1", f"radio.bit_rate_bps={float(rate)}")
+        assert found.pop(rate)["distance_m"] == plain["radio"]["reach"]["distance_m"]
+    assert not found
+    table = plan_with("radio=elrs-900-200", medium, f"radio.medium.schedule={{slots: [{slots}]}}")
+    assert table["radio"]["slot_reach"] == {}, "a table is that of one rate"
+
+
 def test_what_slots_carry_is_of_those_who_have_room_in_them() -> None:
     """Of two nodes one alone has a slot, in which its package has room once in 0.5 s: not the load of both over it."""
     schedule = "schedule={slots: [{nodes: 0, duration_s: 0.05}], round_s: 0.5}"
