@@ -209,7 +209,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                     f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
                     "transmits would be delivered"
                 )
-        elif not node.airtime_share:
+        elif not node.airtime_share and node.payload_bytes <= mtu:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
                 f"{load.medium} has no room: none would be delivered"

@@ -346,6 +346,13 @@ def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
     assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")
 
 
+def test_a_package_longer_than_the_mtu_and_the_mediums_longest_is_warned_of_once() -> None:
+    warnings = plan_with("radio=xbee-900hp")["warnings"]
+    assert [text.split(",")[-1] for text in warnings if "data package" in text] == [
+        " 256: none would be delivered"
+    ] * 2
+
+
 def test_the_reach_of_a_disk_is_its_radius() -> None:
     origin = read_scenario("separation").origin
     radius = {"preset": "disk", "max_range_m": 123.0}
