@@ -57,10 +57,10 @@ class StandingSources:
 
 
 class RadioWorld:
-    """Nodes at fixed places, all with one radio; powers are means, without shadowing and fading.
+    """Nodes at fixed places, all with one radio; powers are means, without shadowing and fading; there are no bursts.
 
     A frame's errors are by pieces of constant SINR: the share of its bits in each has the packet error rate of a
-    packet of so many bytes at that SINR, and the frame comes through if all of them do.
+    packet of so many bytes at that SINR, and the frame comes through if all of them do, less the radio's base loss.
 
     Args:
         radio: of all nodes.
@@ -71,6 +71,7 @@ class RadioWorld:
     def __init__(self, radio: Radio, places_ned_m: Mapping[int, Sequence[float]], seed: int = 1) -> None:
         self.nodes = tuple(sorted(places_ned_m))
         self._radio, self._draws = radio, FrameDraws(seed)
+        self._kept = 1.0 - radio.config.base_loss
         self._noise_mw: dict[tuple[int, int], float] = {}
         reach: dict[int, list[Arrival]] = {tx: [] for tx in self.nodes}
         self.longest_delay_ns = 0
@@ -118,11 +119,11 @@ class RadioWorld:
         noise_mw = self._noise_mw[link]
         drawn = self._draws.uniform(*link, frame.number)
         rate_bps = frame.bit_rate_bps
-        alone = 1.0 - self._per(rate_bps, power_mw / noise_mw, frame.length_bytes)
+        alone = self._kept * (1.0 - self._per(rate_bps, power_mw / noise_mw, frame.length_bytes))
         if len(pieces) == 1 and not pieces[0].interference_mw:
             return drawn < alone, drawn < alone
         duration_ns = frame.ended_ns - frame.started_ns
-        together = 1.0
+        together = self._kept
         for piece_ns, interference_mw in pieces:
             sinr = power_mw / (noise_mw + interference_mw)
             together *= 1.0 - self._per(rate_bps, sinr, frame.length_bytes * piece_ns / duration_ns)
@@ -145,7 +146,7 @@ class RadioWorld:
         """Whom a transmitter reaches, and with which chance a frame that is alone comes through there."""
         reach = self._reach[tx].rows
         chances = [
-            1.0 - self._per(bit_rate_bps, power_mw / self._noise_mw[tx, rx], length_bytes)
+            self._kept * (1.0 - self._per(bit_rate_bps, power_mw / self._noise_mw[tx, rx], length_bytes))
             for rx, power_mw, _ in reach
         ]
         return self._reached[tx], np.array(chances)

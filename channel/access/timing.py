@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
 from typing import Protocol
 
 US = 1_000
 NS_PER_S = 1_000_000_000
+LEAST_BPS = 1e-3
+"""So that the longest packet ends at an instant that can be counted in ns."""
 
 
 class FrameTiming(Protocol):
@@ -42,8 +44,8 @@ class BitRate:
     max_length_bytes: int = 65_535
 
     def __post_init__(self) -> None:
-        if not self.bitrate_bps > 0.0:
-            raise ValueError(f"bit rate {self.bitrate_bps:g} bit/s: above 0")
+        if not LEAST_BPS <= self.bitrate_bps < inf:
+            raise ValueError(f"bit rate {self.bitrate_bps:g} bit/s: at least {LEAST_BPS:g}")
 
     def duration_ns(self, length_bytes: int) -> int:
         """To the nearest ns, half up; at least 1."""

@@ -47,7 +47,8 @@ class Carried:
     Attributes:
         sent: receptions that there would be if nothing was lost.
         delivered: receptions.
-        delivered_bps: bits of packets received per second, per receiver that each packet has.
+        delivered_bps: bits of packets received per second, per receiver that each packet has; one that nobody is to
+            have is none.
         delay_s: (mean, median, 95 %) from entering the radio to arrival; of what arrived.
         lost: receptions lost by cause.
         in_flight: not decided at the end.
@@ -98,8 +99,9 @@ def under_load(medium: AccessMedium, load: Load) -> Carried:
         for number, at_ns in enumerate(instants(node, a_second, load)):
             packet = AirPacket(node, number, load.to, load.length_bytes, at_ns)
             medium.offer(packet)
-            packets += 1
-            sent += len(medium.receivers_of(packet))
+            receivers = len(medium.receivers_of(packet))
+            packets += bool(receivers)
+            sent += receivers
     outcomes = medium.run(int(load.duration_s * NS_PER_S))
     return _result(load, sent, [one for one in outcomes if isinstance(one, AirFate)], packets)
 

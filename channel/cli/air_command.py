@@ -23,13 +23,12 @@ from channel.access.settings.csma import standard_energy_dbm
 from channel.access.timing import BitRate, Wifi, wifi_a, wifi_b, wifi_g
 from channel.access.trial import Carried, Load, under_load
 from channel.access.world import PlainWorld, World
-from channel.cli.options import BadInput, chosen_radio, writing
+from channel.cli.options import FINITE, BadInput, chosen_radio, writing
 from channel.numbers.units import ratio_from_db
 
 HEIGHT_M = 40.0
 CHOSEN_LOADS = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
-CAPTURE = 10.0
-"""How many times stronger a later signal has to be to take a plain radio over: 10 dB."""
+DEFAULT_BPS = 64e3
 STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 
 
@@ -53,16 +52,20 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 )
 @click.option(
     "--rate-mbps",
-    type=float,
+    type=FINITE,
     help="Of csma: of unicasts; the lowest of its standard if not given.",
 )
 @click.option(
     "--basic-rate-mbps",
-    type=float,
+    type=FINITE,
     help="Of csma: of broadcasts, ACK, RTS and CTS; the lowest of its standard if not given.",
 )
 @click.option("--rts-from-bytes", type=int, help="Of csma: unicasts of at least so much are announced.")
-@click.option("--bitrate-bps", default=64_000.0, show_default=True, help="Of airtime, delay and tdma.")
+@click.option(
+    "--bitrate-bps",
+    type=FINITE,
+    help="Of airtime, delay and tdma; if not given 64000, with --radio that radio's.",
+)
 @click.option(
     "--header-bytes",
     default=0,
@@ -73,6 +76,7 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 @click.option(
     "--delay-ms",
     nargs=3,
+    type=FINITE,
     default=(20.0, 40.0, 100.0),
     show_default=True,
     help="Of delay: the least, the median, and what 95 % do not exceed.",
@@ -80,6 +84,7 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 @click.option(
     "--outage-s",
     nargs=2,
+    type=FINITE,
     default=(60.0, 0.0),
     show_default=True,
     help="Of delay: mean durations of service and of outage of a node.",
@@ -96,10 +101,12 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 @click.option("--rc/--no-rc", default=True, show_default=True, help="Of elrs: beside a remote control.")
 @click.option(
     "--slot-ms",
-    type=float,
+    type=FINITE,
     help="Of tdma: one slot per node and round; one packet and the guard if not given.",
 )
-@click.option("--guard-ms", default=1.0, show_default=True, help="Of tdma, at the end of each slot.")
+@click.option(
+    "--guard-ms", default=1.0, type=FINITE, show_default=True, help="Of tdma, at the end of each slot."
+)
 @click.option(
     "--air-kbps", default=64, show_default=True, type=int, help="Of sik: its rate on the air (AIR_SPEED)."
 )
@@ -122,7 +129,8 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 )
 @click.option(
     "--radio",
-    help="A preset or YAML file: powers and errors are its; without, every frame comes through alone.",
+    help="A preset or YAML file: powers and errors are its, without shadowing, fading and bursts; with none every "
+    "frame comes through alone.",
 )
 @click.option(
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Override a key of the radio. Repeatable."
@@ -130,6 +138,7 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 @click.option(
     "--ring-m",
     default=200.0,
+    type=FINITE,
     show_default=True,
     help="With --radio: nodes stand on a ring of this radius, 40 m high, node 0 in its middle.",
 )
@@ -137,10 +146,12 @@ STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
     "--load-bps",
     "loads_bps",
     multiple=True,
-    type=float,
+    type=FINITE,
     help="Bits of packets a second that all offer together. Repeatable; a series if not given.",
 )
-@click.option("--duration", "duration_s", default=20.0, show_default=True, help="Sim time per load, s.")
+@click.option(
+    "--duration", "duration_s", default=20.0, type=FINITE, show_default=True, help="Sim time per load, s."
+)
 @click.option(
     "--seed", default=1, show_default=True, type=int, help="Of traffic, back-off, phases and errors."
 )
@@ -167,6 +178,10 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
     that is not it is lost (no peer).
     """
     options["nodes"] = options["nodes"] or (2 if medium in ("elrs", "sik") else 6)
+    radio = chosen_radio(options["radio"], options["settings"]) if options["radio"] else None
+    options["radio"] = radio
+    if options["bitrate_bps"] is None:
+        options["bitrate_bps"] = DEFAULT_BPS if radio is None else radio.bit_rate_bps
     try:
         results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
     except ValueError as error:
@@ -272,8 +287,8 @@ def _world(options: dict[str, Any]) -> tuple[World, Hearing, int]:
         else (0.0, 0.0, -HEIGHT_M)
         for node in nodes
     }
-    world = RadioWorld(Radio(chosen_radio(options["radio"], options["settings"])), places, options["seed"])
-    return world, Hearing(world.noise_mw, world.noise_mw, CAPTURE), 2 * world.longest_delay_ns
+    world = RadioWorld(Radio(options["radio"]), places, options["seed"])
+    return world, Hearing(world.noise_mw, world.noise_mw), 2 * world.longest_delay_ns
 
 
 def _table(results: Sequence[Carried]) -> str:

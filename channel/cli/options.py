@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -16,6 +18,22 @@ class BadInput(click.ClickException):
     """A mistake of the user: one line, exit code 2."""
 
     exit_code = 2
+
+
+class FiniteNumber(click.ParamType[float]):
+    """A number; nan and inf are none."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Of a text, or of a default."""
+        number = click.FLOAT.convert(value, param, ctx)
+        if not isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+FINITE = FiniteNumber()
 
 
 def radio_options(command: Callable[..., None]) -> Callable[..., None]:

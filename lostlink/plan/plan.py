@@ -17,6 +17,7 @@ from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.medium import name_of
+from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from lostlink.plan.flow import overflows
 from lostlink.plan.held import held_back
@@ -51,13 +52,21 @@ class NodePlan:
 
 @dataclass(frozen=True, slots=True)
 class RadioPlan:
-    """The radio of all nodes, its medium, and how far it gets a data package."""
+    """The radio of all nodes, its medium, and how far it gets a data package.
+
+    Attributes:
+        name, medium, routing: names.
+        frequency_hz, bit_rate_bps: of the radio.
+        reach: at this rate.
+        slot_reach: of slots that have another, by their rate, where it is another reach.
+    """
 
     name: str
     medium: str
     frequency_hz: float
     bit_rate_bps: float
     reach: Reach
+    slot_reach: dict[str, Reach]
     routing: str
 
 
@@ -110,7 +119,9 @@ def plan_of(scenario: Scenario) -> RunPlan:
     common, radios = radio_of(scenario), radios_of(scenario)
     load = offered_load(scenario, radios)
     payload = max((node.payload_bytes for node in load.nodes if node.payload_bytes), default=0)
-    config = common.config
+    config, reach = common.config, reach_of(common, payload)
+    rates_bps = config.medium.rates_bps if isinstance(config.medium, TdmaMedium) else ()
+    of_slots = {f"{rate_bps:g}": reach_of(common.at_bit_rate(rate_bps), payload) for rate_bps in rates_bps}
     links = tuple(links_of(scenario, radios))
     missing = [line for each in links for line in unlinked(scenario, each)]
     return RunPlan(
@@ -133,7 +144,8 @@ def plan_of(scenario: Scenario) -> RunPlan:
             load.medium,
             config.frequency_hz,
             config.bit_rate_bps,
-            reach_of(common, payload),
+            reach,
+            {rate: found for rate, found in of_slots.items() if found != reach},
             name_of(config.routing),
         ),
         networks_of(scenario),
@@ -197,7 +209,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
                     f"node {node.node}: it has no slot of the medium {load.medium}, and only listens: nothing that it "
                     "transmits would be delivered"
                 )
-        elif not node.airtime_share:
+        elif not node.airtime_share and node.payload_bytes <= mtu:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
                 f"{load.medium} has no room: none would be delivered"

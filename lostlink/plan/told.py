@@ -66,6 +66,12 @@ def _radio(plan: RunPlan) -> Iterator[str]:
         return
     for share, distance_m in radio.reach.distance_m.items():
         yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+    for slot_rate, reach in radio.slot_reach.items():
+        shares = (
+            f"{float(share):.0%} up to {_distance(distance_m, radio.reach.limit_m)}"
+            for share, distance_m in reach.distance_m.items()
+        )
+        yield f"in slots of {slot_rate} bit/s {', '.join(shares)}"
     if (preamble := radio.reach.preamble) is not None:
         level = f"lock on to no signal below {preamble.level_dbm:.4g} dBm (medium.preamble_dbm)"
         where = "anywhere" if preamble.distance_m is None else f"beyond {preamble.distance_m:g} m"

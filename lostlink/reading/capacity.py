@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Literal
 
 from bridge.scenario.model import Scenario
@@ -11,7 +12,7 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings.air_time import AirTimeMedium
-from channel.access.settings.base import Ideal
+from channel.access.settings.base import Ideal, Shared
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
 from channel.access.settings.sik import SikMedium
@@ -70,8 +71,8 @@ class Capacity:
 
     @property
     def shared_by(self) -> SharedBy:
-        """Who shares it: all nodes, those of a group, as of a NETID, or each sender has so much for itself."""
-        if not getattr(self.settings, "is_shared", True) or self._slots is not None:
+        """Who shares it: all nodes, those of a group (NETID, channel), or each sender has so much for itself."""
+        if isinstance(self.settings, TdmaMedium) or not getattr(self.settings, "is_shared", True):
             return "sender"
         return "group" if len(self._linked) > 1 else "all"
 
@@ -85,16 +86,15 @@ class Capacity:
     @property
     def _linked(self) -> tuple[tuple[str, ...], ...]:
         """Nodes that hear each other."""
-        nodes = tuple(self.radios)
-        if isinstance(self.settings, ElrsMedium | SikMedium):
-            return tuple(self.settings.links(nodes).values())
-        return (nodes,)
-
-    @property
-    def _slots(self) -> TdmaMedium | None:
-        """The medium, if each node has slots of its own."""
-        settings = self.settings
-        return settings if isinstance(settings, TdmaMedium) and settings.is_by_node else None
+        nodes, settings = tuple(self.radios), self.settings
+        if isinstance(settings, ElrsMedium | SikMedium):
+            return tuple(settings.links(nodes).values())
+        if not isinstance(settings, Shared):
+            return (nodes,)
+        on_channel: dict[int, list[str]] = {}
+        for node in nodes:
+            on_channel.setdefault(settings.channels.get(node, 0), []).append(node)
+        return tuple(map(tuple, on_channel.values()))
 
     def may_send(self, node: str) -> bool:
         """Whether the medium gives a node any time: not one without a slot, where there are slots."""
@@ -109,16 +109,17 @@ class Capacity:
             priority: of the packet, where only some slots take it; None: it may be any.
         """
         settings, radio = self.settings, self.radios[node]
-        if not self.may_send(node):
+        if not self.may_send(node) or payload_bytes > getattr(settings, "max_length_bytes", inf):
             return 0.0
         bit_rate_bps = radio.config.bit_rate_bps
         if isinstance(settings, Ideal):  # a fixed length may be less than the payload's
             return 8.0 * max(payload_bytes, radio.length_bytes(payload_bytes)) / bit_rate_bps
         length_bytes = max(payload_bytes, 1)
-        if (slots := self._slots) is not None:
-            capacity_bps = slots.node_capacity_bps(node, length_bytes, bit_rate_bps, priority)
+        nodes = tuple(self.radios)
+        if isinstance(settings, TdmaMedium):
+            capacity_bps = settings.node_capacity_bps(node, nodes, length_bytes, bit_rate_bps, priority)
         elif isinstance(settings, ElrsMedium):
-            capacity_bps = settings.node_capacity_bps(node, tuple(self.radios))
+            capacity_bps = settings.node_capacity_bps(node, nodes)
         else:
             capacity_bps = settings.capacity_bps(length_bytes, bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0

@@ -24,6 +24,8 @@ from channel.draws import Draws
 
 NORMAL: Final = NormalDist()
 NORMAL_95: Final = NORMAL.inv_cdf(0.95)
+LONGEST_S: Final = 1e9
+"""Of service or outage in the mean."""
 LEAST_UNIFORM: Final = 2.0**-54
 """In place of a 0, which has no quantile."""
 
@@ -90,8 +92,10 @@ class DelaySettings:
     keeps_order: bool = True
 
     def __post_init__(self) -> None:
-        if not (self.good_s > 0.0 and self.bad_s >= 0.0):
-            raise ValueError(f"service of {self.good_s:g} s, outage of {self.bad_s:g} s: above 0, 0 or more")
+        if not (0.0 < self.good_s <= LONGEST_S and 0.0 <= self.bad_s <= LONGEST_S):
+            raise ValueError(
+                f"service of {self.good_s:g} s, outage of {self.bad_s:g} s: above 0, 0 or more, at most {LONGEST_S:g}"
+            )
 
 
 class Outage:

@@ -35,6 +35,8 @@ MAX_CHANNELS = 50
 DEFAULT_NETID = 25
 LEAST_RADIOS = 2
 """That can talk to each other."""
+UNLIMITED_BYTES = 1 << 31
+"""Longer than any packet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,7 @@ class Sik(AccessMedium):
         limits: QueueLimits = HOST_BUFFER,
         hearing: Hearing | None = None,
     ) -> None:
-        super().__init__(world, limits, limits.length_bytes or 1 << 31)
+        super().__init__(world, limits, limits.length_bytes or UNLIMITED_BYTES)
         self._draws = Draws(seed)
         self._meter = world if isinstance(world, Metering) else None
         self.settings = settings or SikSettings()

@@ -79,6 +79,11 @@ class CsmaMedium(Shared):
         """Always."""
         return True
 
+    @property
+    def max_length_bytes(self) -> int:
+        """The longest packet."""
+        return self.timing().max_length_bytes
+
     def timing(self) -> Wifi:
         """Of frames, slots and windows."""
         lowest = 1.0 if self.standard == "11b" else 6.0

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from channel.access.media.delay import Delay, DelaySettings, WayDelay
+from channel.access.media.delay import LONGEST_S, Delay, DelaySettings, WayDelay
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Queue, Surroundings
 from channel.access.timing import NS_PER_S
@@ -25,8 +25,8 @@ class DelayMedium(Variant):
     most_s: float = Field(ge=0.0, le=60.0, description="95 % are at most so late; as median_s: all are")
     rate_bps: float = Field(gt=0.0, le=1e12, description="at which a node's packets enter the network")
     header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
-    good_s: float = Field(default=60.0, gt=0.0, description="mean time of service of a node")
-    bad_s: float = Field(default=0.0, ge=0.0, description="mean time of outage; 0: none")
+    good_s: float = Field(default=60.0, gt=0.0, le=LONGEST_S, description="mean time of service of a node")
+    bad_s: float = Field(default=0.0, ge=0.0, le=LONGEST_S, description="mean time of outage; 0: none")
     keeps_order: bool = Field(default=True, description="no packet of a sender overtakes another")
     max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
 

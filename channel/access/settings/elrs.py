@@ -35,6 +35,11 @@ class ElrsMedium(Variant):
             raise ValueError(f"{mode}: there are {', '.join(ELRS_MODES)}")
         return mode
 
+    @property
+    def max_length_bytes(self) -> int:
+        """The longest packet."""
+        return self.buffer_bytes
+
     def links(self, nodes: Sequence[str]) -> dict[str, tuple[str, ...]]:
         """Who hears whom: pairs by number, the transmitter module's first.
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from channel.access.carriers import Carriers
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, Sik, SikSettings
+from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik, SikSettings
 from channel.access.media.sik_timing import (
     AIR_RATES_KBPS,
     NOMINAL_TICK_NS,
@@ -91,6 +91,11 @@ class SikMedium(Locking):
     def listens_first(self) -> bool:
         """With LBT_RSSI."""
         return self.lbt
+
+    @property
+    def max_length_bytes(self) -> int:
+        """The longest packet."""
+        return self.queue.length_bytes or UNLIMITED_BYTES
 
     def links(self, nodes: Sequence[str]) -> dict[str, tuple[str, ...]]:
         """Who hears whom: by NETID, its nodes.

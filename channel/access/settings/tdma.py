@@ -1,9 +1,10 @@
-"""Slots: ``medium: {model: tdma, slot_ms: 10}``."""
+"""Slots: ``medium: {model: tdma, slot_s: 0.01}``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -47,11 +48,17 @@ class TdmaMedium(Serial):
         if self.schedule is not None:
             return self.schedule.by_id
         slot_ns = round((self.slot_s or 0.0) * NS_PER_S)
-        return Schedule.equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
+        return _equal(self.slots or tuple(nodes), slot_ns, round(self.guard_s * NS_PER_S))
 
     def has_slot(self, node: str) -> bool:
         """Whether a node, by its id, has a slot; one without only listens."""
         return any(node in slot.nodes for slot in self._by_id((node,)).slots)
+
+    @property
+    def rates_bps(self) -> tuple[float, ...]:
+        """The bit rates of slots that have one of their own, rising."""
+        slots = () if self.schedule is None else self.schedule.slots
+        return tuple(sorted({slot.bit_rate_bps for slot in slots if slot.bit_rate_bps is not None}))
 
     def channels_used(self) -> frozenset[int]:
         """Those of its slots, too."""
@@ -78,23 +85,19 @@ class TdmaMedium(Serial):
         schedule = self._by_id(("",))
         return self._carried_bps(length_bytes, bit_rate_bps, schedule.slots, schedule.round_ns)
 
-    @property
-    def is_by_node(self) -> bool:
-        """Whether `node_capacity_bps` says what each node has for itself."""
-        return self.schedule is not None or bool(self.slots)
-
     def node_capacity_bps(
-        self, node: str, length_bytes: int, bit_rate_bps: float, priority: int | None
+        self, node: str, nodes: Sequence[str], length_bytes: int, bit_rate_bps: float, priority: int | None
     ) -> float:
         """Bits of packets of a length per second in the slots of one node.
 
         Args:
             node: its id.
+            nodes: all ids, in their order.
             length_bytes: of each packet.
             bit_rate_bps: of the radio.
             priority: of the packets; None: of any.
         """
-        schedule = self._by_id((node,))
+        schedule = self._by_id(nodes)
         own = [
             replace(slot, nodes=(node,))
             for slot in schedule.slots
@@ -111,3 +114,9 @@ class TdmaMedium(Serial):
             frame_ns = max(1, round(at_rate.duration_s(length_bytes, bit_rate_bps) * NS_PER_S))
             packets += len(slot.nodes) * (slot.room_ns // frame_ns)
         return 8 * length_bytes * packets * NS_PER_S / round_ns
+
+
+@lru_cache(maxsize=16)
+def _equal(owners: tuple[str, ...], slot_ns: int, guard_ns: int) -> Schedule[str]:
+    """Slots of one length: those of a large fleet are asked for with each kind of packet."""
+    return Schedule.equal(owners, slot_ns, guard_ns)

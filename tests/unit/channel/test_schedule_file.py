@@ -72,7 +72,7 @@ def test_what_slots_carry(tmp_path: Path) -> None:
     """
     tdma = medium(tmp_path)
     of_node = {
-        (node, priority): tdma.node_capacity_bps(node, 100, 64e3, priority)
+        (node, priority): tdma.node_capacity_bps(node, ("0", "g1", "g2", "g3"), 100, 64e3, priority)
         for node, priority in (("0", None), ("0", 0), ("0", 5), ("g1", None), ("g2", 0), ("g3", None))
     }
     packets = {("0", None): 5, ("0", 0): 3, ("0", 5): 5, ("g1", None): 3, ("g2", 0): 3, ("g3", None): 0}

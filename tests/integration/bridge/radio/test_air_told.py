@@ -63,7 +63,7 @@ def test_on_a_medium_use_waits_delays_and_causes_are_told(flown: Callable[[Any],
     medium = {"model": "tdma", "slot_s": 0.2, "queue": {"packets": 20}}
     run = flown({"preset": "telemetry-915", "medium": medium})
     (air,) = run.summary["air"]
-    assert air["capacity_bps"] == pytest.approx(8 * SIZE_BYTES / 0.2, rel=0.01)
+    assert air["capacity_bps"] == pytest.approx(8 * SIZE_BYTES / (6 * 0.2), rel=0.01)
     assert air["share"] == pytest.approx(OFFERED_BPS / (8 * SIZE_BYTES / 0.2), rel=0.02)
     frames = run.packets[run.packets.started_ns >= 0].drop_duplicates(["tx", "started_ns"])
     assert air["use_share"] == pytest.approx((frames.ended_ns - frames.started_ns).sum() / 4.05e9)

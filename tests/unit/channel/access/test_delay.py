@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import exp, inf, log, sqrt
 
 import numpy as np
 import pytest
@@ -239,3 +239,16 @@ def test_mistakes_are_said() -> None:
         DelaySettings(LTE, good_s=0.0)
     with pytest.raises(ValueError, match="bit rate 0"):
         Delay(PlainWorld((0, 1)), DelaySettings(LTE, rate_bps=0.0))
+
+
+@pytest.mark.parametrize(("good_s", "bad_s"), [(1e300, 1.0), (1.0, 1e300), (60.0, inf)])
+def test_times_that_no_clock_counts_are_refused(good_s: float, bad_s: float) -> None:
+    """In ns they are no number, and an endless outage never began."""
+    with pytest.raises(ValueError, match=r"service of .*: above 0, 0 or more, at most 1e\+09"):
+        DelaySettings(WayDelay.constant(0), good_s=good_s, bad_s=bad_s)
+
+
+@pytest.mark.parametrize("rate_bps", [1e-300, inf])
+def test_rates_at_which_no_frame_ends_are_refused(rate_bps: float) -> None:
+    with pytest.raises(ValueError, match=r"bit rate .* bit/s: at least 0\.001"):
+        Delay(PlainWorld((0, 1)), DelaySettings(WayDelay.constant(0), rate_bps))

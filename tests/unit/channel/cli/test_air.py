@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+from math import cos, pi, sin
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
+from channel.access.radio_world import RadioWorld
+from channel.access.settings.air_time import AirTimeMedium
+from channel.access.settings.base import Surroundings
+from channel.access.trial import Load, under_load
 from channel.cli.air_command import air
+from channel.link.radio import Radio
+from channel.numbers.units import db_from_ratio
+from channel.presets import load_radio
 
 
 def results(*arguments: str) -> list[dict[str, Any]]:
@@ -77,6 +85,46 @@ def test_far_nodes_hear_less() -> None:
     assert shares[1] == 0.0
 
 
+def test_base_loss_takes_its_share() -> None:
+    """5 % of wifi-2.4's frames, 30 m away as anywhere; they all came."""
+    short = ("--ring-m", "30", "--load-bps", "50000", "--duration", "60")
+    (load,) = results("csma", "--radio", "wifi-2.4", *short)
+    share = load["lost"]["noise"] / load["sent"]
+    assert share == pytest.approx(0.05, abs=4.0 * (0.05 * 0.95 / load["sent"]) ** 0.5)
+
+
+def test_frames_last_by_the_bit_rate_of_the_radio() -> None:
+    """200 bytes at 200 kb/s; at 64 kb/s unless a radio is given."""
+    short = ("--load-bps", "1000", "--to", "one", "--duration", "30")
+    for radio, frame_s in ((("--radio", "xbee-900hp"), 0.008), ((), 0.025)):
+        (load,) = results("airtime", *radio, *short)
+        assert load["delay_median_s"] == pytest.approx(frame_s, abs=1e-5)
+
+
+def test_receivers_hear_as_those_of_a_run_do() -> None:
+    """With the powers of the radio: no later signal takes a receiver over, unless a medium has `capture_db`."""
+    nodes, ring_m, load = 6, 2000.0, Load(100e3, 200, None, 20.0)
+    turn = 2.0 * pi / (nodes - 1)
+    ring = {n: (ring_m * cos(turn * n), ring_m * sin(turn * n), -40.0) for n in range(1, nodes)}
+    config = load_radio("xbee-900hp")
+    world = RadioWorld(Radio(config), {0: (0.0, 0.0, -40.0)} | ring)
+    noise_dbm = float(db_from_ratio(world.noise_mw))
+    places = {str(n): n for n in range(nodes)}
+    medium = AirTimeMedium().open(Surroundings.of(world, places, load.seed, config, noise_dbm))
+    (found,) = results("airtime", "--radio", "xbee-900hp", "--ring-m", "2000", "--load-bps", "100e3")
+    assert found == under_load(medium, load).as_dict()
+    assert found["lost"]["collided"] > 0
+
+
+def test_a_node_without_a_peer_carries_nothing() -> None:
+    """Of three ExpressLRS nodes one has no peer; what it sent was taken for carried."""
+    (load,) = results(
+        "elrs", "--nodes", "3", "--load-bps", "1000", "--length-bytes", "40", "--duration", "100"
+    )
+    assert load["delivered_bps"] == pytest.approx(load["delivered"] * 8 * 40 / 100)
+    assert load["delivered_bps"] == pytest.approx(1000 * 2 / 3, rel=0.25)
+
+
 def test_table_and_plot(tmp_path: Path) -> None:
     """What a person reads."""
     file = tmp_path / "air.png"
@@ -92,3 +140,23 @@ def test_a_mistake_is_one_line() -> None:
     done = CliRunner().invoke(air, ["csma", "--standard", "11b", "--rate-mbps", "54"])
     assert done.exit_code == 2
     assert "802.11b at 54 Mb/s: one of 1, 2, 5.5, 11" in done.output
+
+
+@pytest.mark.parametrize("number", ["inf", "nan"])
+@pytest.mark.parametrize(
+    ("medium", "option", "count"),
+    [
+        ("tdma", "--slot-ms", 1),
+        ("tdma", "--guard-ms", 1),
+        ("delay", "--delay-ms", 3),
+        ("delay", "--outage-s", 2),
+        ("airtime", "--bitrate-bps", 1),
+        ("airtime", "--load-bps", 1),
+        ("airtime", "--duration", 1),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused(medium: str, option: str, count: int, number: str) -> None:
+    """They gave a traceback, an outage that never was, or no end."""
+    done = CliRunner().invoke(air, [medium, option, *[number] * count])
+    assert done.exit_code == 2
+    assert f"Invalid value for '{option}': '{number}' is not a finite number." in done.output

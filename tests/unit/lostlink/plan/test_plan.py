@@ -176,16 +176,16 @@ def test_load_on_several_pairs_of_sik_radios_is_that_of_the_busiest() -> None:
 
 
 def test_load_on_a_medium_is_over_what_it_carries() -> None:
-    """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 40 for 20."""
+    """Two of 20 packets a second, in slots of 50 ms that have room for one each (41 and 47 ms): 10 for each."""
     plan = on_medium("model=tdma", "slot_s=0.05", "guard_s=0.001")
     load, payload_bps = plan["load"], 20 * 8 * (HOLDS_BYTES + FLIES_OUT_BYTES)
-    assert (load["medium"], load["takes_time"], load["is_shared"]) == ("tdma", True, True)
-    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([1.0, 1.0])
+    assert (load["medium"], load["takes_time"], load["is_shared"]) == ("tdma", True, False)
+    assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([2.0, 2.0])
     assert load["payload_bits_per_s"] == payload_bps
-    assert load["capacity_bps"] == pytest.approx(payload_bps / 2.0)
+    assert load["capacity_bps"] == pytest.approx(10 * 8 * FLIES_OUT_BYTES)
     (warning,) = plan["warnings"]
     assert warning.startswith(
-        "the nodes offer 2 times what the medium tdma carries: packets wait in queues until"
+        "a node offers 2 times what the medium tdma carries: packets wait in queues until"
     )
     assert plan["radio"]["medium"] == "tdma"
     assert not any(
@@ -206,6 +206,21 @@ def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
     assert (load["medium"], load["is_shared"]) == ("tdma", False)
     assert [node["airtime_share"] for node in load["nodes"]] == pytest.approx([4.0, 2.0])
     assert load["airtime_share"] == pytest.approx(4.0)
+
+
+def test_in_slots_of_another_rate_packages_arrive_as_far_as_with_a_radio_of_that_rate() -> None:
+    """All slots at 1 Mb/s, and the reach was told at 64 kb/s, 12 dB more; that of half of 64 kb/s in one of two."""
+    radio, medium = ["radio=telemetry-915", "radio.noise={model: thermal}"], "radio.medium.model=tdma"
+    slots = (
+        "{nodes: 0, duration_s: 0.1, bit_rate_bps: 32e3}, {nodes: 1, duration_s: 0.1, bit_rate_bps: 1024e3}"
+    )
+    found = plan_with(*radio, medium, f"radio.medium.schedule={{slots: [{slots}]}}")["radio"]["slot_reach"]
+    for rate in ("32000", "1.024e+06"):
+        plain = plan_with(*radio, medium, "radio.medium.slot_s=0.1", f"radio.bit_rate_bps={float(rate)}")
+        assert found.pop(rate)["distance_m"] == plain["radio"]["reach"]["distance_m"]
+    assert not found
+    table = plan_with("radio=elrs-900-200", medium, f"radio.medium.schedule={{slots: [{slots}]}}")
+    assert table["radio"]["slot_reach"] == {}, "a table is that of one rate"
 
 
 def test_what_slots_carry_is_of_those_who_have_room_in_them() -> None:
@@ -244,11 +259,20 @@ def test_load_on_lines_of_each_sender_is_that_of_the_busiest() -> None:
 
 def test_a_package_that_fits_no_slot_is_warned_of() -> None:
     """41 ms of 64 kb/s are 328 bytes and no more."""
-    plan = on_medium("model=tdma", "slot_s=0.041")
+    plan = on_medium("model=tdma", "slot_s=0.041", more=["transmit.every_ticks=2"])
     (warning,) = plan["warnings"]
     assert warning.startswith(
         f"node 1: its data package has {FLIES_OUT_BYTES} bytes, for which the medium tdma has no"
     )
+
+
+@pytest.mark.parametrize(
+    "medium", [("model=airtime", "max_length_bytes=300"), ("model=elrs", "buffer_bytes=300")]
+)
+def test_a_package_that_is_too_long_for_the_medium_is_warned_of(medium: tuple[str, str]) -> None:
+    warnings = " ".join(on_medium(*medium)["warnings"])
+    for node, length in ((0, HOLDS_BYTES), (1, FLIES_OUT_BYTES)):
+        assert f"node {node}: its data package has {length} bytes, for which the medium" in warnings
 
 
 def test_a_package_that_fits_no_slot_with_the_header_of_its_routing_is_warned_of() -> None:
@@ -284,8 +308,8 @@ def test_load_on_a_medium_reads_well() -> None:
         "separation", "--radio", "telemetry-915", *(part for each in options for part in ("--set", each))
     )
     line = (
-        "  all nodes: 2 packets/s, 5632 bit/s of payload, 10.0% of the 5.632e+04 bit/s that the medium tdma carries of "
-        "such packets"
+        "  all nodes: 2 packets/s, 5632 bit/s of payload, the busiest sender 10.0% of the 3.008e+04 bit/s that the "
+        "medium tdma carries of its packets"
     )
     assert line in said.output.splitlines()
     assert "data packages only" not in said.output
@@ -321,6 +345,13 @@ def test_ports_with_which_no_run_would_start_are_warned_of() -> None:
 def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
     (warning,) = plan_of(parse_scenario(TEXT, "planned.yaml")).warnings
     assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")
+
+
+def test_a_package_longer_than_the_mtu_and_the_mediums_longest_is_warned_of_once() -> None:
+    warnings = plan_with("radio=xbee-900hp")["warnings"]
+    assert [text.split(",")[-1] for text in warnings if "data package" in text] == [
+        " 256: none would be delivered"
+    ] * 2
 
 
 def test_the_reach_of_a_disk_is_its_radius() -> None:

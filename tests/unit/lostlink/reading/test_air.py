@@ -119,6 +119,26 @@ def test_each_pair_of_sik_radios_has_its_own_time() -> None:
     assert account.capacity_bps == pytest.approx(8 * 92 / one.packet_s("0", 92))
 
 
+def test_each_sender_has_its_own_slots() -> None:
+    """7 packets fit into each third slot of 0.1 s; node 0 offers 40 in a second, which all slots would carry."""
+    account = account_of(rows(*({"seq": seq, "fate": "queue_full"} for seq in range(40))), capacity(TDMA), S)
+    assert (account.shared_by, account.share) == ("sender", pytest.approx(40 / (7 / 0.3)))
+    assert "40 receptions were lost for want of time on the air" in "".join(account.warnings)
+
+
+@pytest.mark.parametrize("medium", ["airtime", "csma"])
+def test_each_channel_has_its_own_time(medium: str) -> None:
+    """Nodes 0 and 1 offer 10 packets each, node 2 on another channel 15."""
+    alone, apart = (
+        capacity(f"{{preset: telemetry-915, medium: {{model: {medium}, channels: {channels}}}}}")
+        for channels in ("{}", "{'2': 5}")
+    )
+    given = rows(*({"tx": tx, "seq": seq} for tx in range(3) for seq in range(15 if tx == 2 else 10)))
+    shares = [account_of(given, each, S).share / alone.packet_s("0", 92) for each in (alone, apart)]
+    assert (alone.shared_by, apart.shared_by) == ("all", "group")
+    assert shares == pytest.approx([35, 20])
+
+
 def test_use_is_the_sum_of_frames_each_once_with_its_attempts() -> None:
     """300 ms across an edge, heard by two; one of another sender at once; one of 50 ms that was tried twice."""
     given = rows(
@@ -183,13 +203,31 @@ def test_what_waits_is_received_when_it_arrives() -> None:
         (AIRTIME, 92, 0.002 + 8 * 104 / 64e3),
         # DIFS, back-off, 20 us, 132 symbols of 4 us for 328 + 36 + 28 bytes, 6 us
         ("wifi-2.4", 328, 28e-6 + 7.5 * 9e-6 + 554e-6),
-        (TDMA, 92, 0.1 / 7),  # 90 ms of a slot have room for 7 frames of 11.5 ms
+        (TDMA, 92, 0.3 / 7),  # 90 ms of each third slot have room for 7 frames of 11.5 ms
         (TDMA, 721, 0.0),  # 90.125 ms: for none
         (DELAY, 92, 8 * 92 / 1000),
     ],
 )
 def test_what_a_packet_needs(radio: str, payload: int, packet_s: float) -> None:
     assert capacity(radio).packet_s("0", payload) == pytest.approx(packet_s)
+
+
+@pytest.mark.parametrize(
+    ("medium", "longest"),
+    [
+        ("airtime, max_length_bytes: 100", 100),
+        ("tdma, slot_s: 0.5, max_length_bytes: 100", 100),
+        ("delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000, max_length_bytes: 100", 100),
+        ("elrs, buffer_bytes: 100", 100),
+        ("csma, standard: 11g", 2304),
+        ("sik", 1850),
+    ],
+)
+def test_a_packet_that_is_too_long_for_the_medium_needs_none_of_its_time(medium: str, longest: int) -> None:
+    """A package of 328 bytes on `max_length_bytes: 100` was told to take its share, and no word that none arrives."""
+    found = capacity(f"{{preset: telemetry-915, medium: {{model: {medium}}}}}")
+    assert found.packet_s("0", longest) > 0.0
+    assert found.packet_s("0", longest + 1) == 0.0
 
 
 def test_a_packet_needs_the_time_that_it_takes_at_its_senders_bit_rate() -> None:
@@ -249,11 +287,11 @@ def test_the_busiest_ten_seconds_may_begin_at_any_time(begin_s: int, end_s: int)
 def test_on_a_medium_too_much_is_warned_of_if_it_shows(fate: str, warns: bool) -> None:
     given = rows(*({"seq": seq, "fate": fate, "ended_ns": 11_500_000} for seq in range(100)))
     account = account_of(given, capacity(TDMA), S)
-    assert account.busiest_share == pytest.approx(100 * 0.1 / 7)
-    assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.1)
+    assert account.busiest_share == pytest.approx(100 * 0.3 / 7)
+    assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.3)
     assert account.lost_waiting == (0 if fate == "delivered" else 100)
     assert account.waiting_at_end == (100 if fate == "run_ended" else 0)
-    assert ("1.43 times the 51.5 kbit/s that it carries" in "".join(account.warnings)) is warns
+    assert ("4.29 times the 17.2 kbit/s of one sender that it carries" in "".join(account.warnings)) is warns
     assert account.remark.startswith("medium tdma, offered" if warns else "medium tdma")
 
 
