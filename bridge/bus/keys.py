@@ -26,9 +26,14 @@ class KeyMistake(ValueError):
     """What cannot be a key, or part of one."""
 
 
+def is_chunk(value: str) -> bool:
+    """Whether ``value`` can stand between two slashes of a key."""
+    return _CHUNK.fullmatch(value) is not None
+
+
 def checked_chunk(value: str) -> str:
     """Return ``value`` if it can stand between two slashes of a key, else raise KeyMistake."""
-    if not _CHUNK.fullmatch(value):
+    if not is_chunk(value):
         raise KeyMistake(
             f"{value!r:.300} cannot be part of a key: use up to {CHUNK_MAX} letters, digits, '_', '-' and '.'"
         )

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from bridge.bus.keys import checked_chunk
+from bridge.bus.keys import is_chunk
 from bridge.bus.messages import AgentStatus, decode, encode
 from bridge.record import names
 from bridge.record.streams import decoded
@@ -51,8 +51,12 @@ def checked_name(name: str) -> str:
     Raises:
         ValueError: they cannot.
     """
-    if len(checked_chunk(name)) > NAME_MAX:
+    if len(name) > NAME_MAX:
         raise ValueError(f"log({name[:20]!r}...): a name has up to {NAME_MAX} characters, not {len(name)}")
+    if not is_chunk(name):
+        raise ValueError(
+            f"log({name!r}): a name is a letter or digit, then up to {NAME_MAX - 1} letters, digits, '_', '-' and '.'"
+        )
     return name
 
 

@@ -10,11 +10,12 @@ class Every:
 
     Args:
         period_s: wall time.
+        first_s: the first period, where time has passed before; as the others unless given.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, first_s: float | None = None) -> None:
         self._period_s = period_s
-        self._due = monotonic() + period_s
+        self._due = monotonic() + (period_s if first_s is None else first_s)
 
     def is_due(self) -> bool:
         """Whether the period has passed; the next one then begins."""

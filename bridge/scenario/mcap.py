@@ -15,6 +15,7 @@ Topic = Literal[
     "fix",
     "tf",
     "state",
+    "measurements",
     "links",
     "communication",
     "fates",
@@ -25,7 +26,8 @@ Topic = Literal[
     "events",
     "text",
 ]
-"""Kinds of topics. ``log``: what agents log; ``agent``: what they say of their work; ``text``: logs of processes."""
+"""Kinds of topics. ``measurements``: of RF sensors; ``log``: what agents log; ``agent``: what they say of their work;
+``text``: logs of processes."""
 TOPICS: tuple[str, ...] = get_args(Topic)
 RATES_HZ: dict[str, float] = {
     "truth": 5.0,

@@ -9,7 +9,7 @@ or with an agent of ours. An *observer* only reads, and is no node.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
 
@@ -234,6 +234,12 @@ def _kind(value: Any) -> Any:
     return {"kind": "ua", **value} if isinstance(value, dict) else value
 
 
+KEYS: Final = {
+    "ua": frozenset(Aircraft.model_fields),
+    "ground": frozenset(GroundNode.model_fields),
+    "emitter": frozenset(EmitterNode.model_fields),
+}
+"""What a node can have, by kind."""
 Transceiver = Aircraft | GroundNode
 """A node that exchanges packets."""
 NodeConfig = Annotated[

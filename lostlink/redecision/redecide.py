@@ -172,7 +172,10 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
     places = codes_of(nodes, scenario.groups)
-    sent = [SentPackets(run, node, places) for node in nodes]
+    sent = []
+    for node in nodes:
+        sent.append(SentPackets(run, node, places))
+        on_progress(0.0)
     facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(recorded))
     packets, last_ns = _transmitted(sent, before), last_whole_ns(positions)
     if was_cut(run):

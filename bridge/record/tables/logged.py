@@ -1,8 +1,13 @@
-"""The table `logged`: what agents logged, a row per number or text, made from their streams when a run is over."""
+"""The table `logged`: what agents logged, a row per number or text, made from their streams when a run is over.
+
+An empty vector or mapping has a row, too.
+"""
 
 from __future__ import annotations
 
 import heapq
+import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -10,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from bridge.record.logged import LoggedValue, logged_of
+from bridge.record.logged import LoggedValue, kind_of, logged_of
 from bridge.record.names import Kind, streams_of
 from bridge.record.tables.columns import name_type, names, numbers, texts
 from bridge.run.whole_file import whole_file
@@ -20,21 +25,25 @@ ROWS_AT_ONCE: Final = 1 << 16
 
 
 class LoggedRow(NamedTuple):
-    """One number or text.
+    """One number or text, or an empty vector or mapping.
 
     Attributes:
         tick_ns: when it was logged.
         node: whose agent logged it.
         name: under which name.
+        number: counts what the node logged under the name at the tick, from 0: rows of one value have the same.
         key: of a mapping its key, of a vector the place in it, of a vector in a mapping both (``to_m.0``), else "".
-        value: the number, a truth value as 0 or 1; NaN of a text.
-        text: the text; "" of a number.
+        kind: ``number``, ``bool`` or ``text``; ``vector`` or ``mapping`` if it is an empty one.
+        value: the number, a truth value as 0 or 1; NaN of what is neither.
+        text: the text; "" of what is none.
     """
 
     tick_ns: int
     node: str
     name: str
+    number: int
     key: str
+    kind: str
     value: float
     text: str
 
@@ -51,20 +60,29 @@ def logged_rows(run: Path) -> Iterator[LoggedRow]:
 
 
 def _rows(run: Path, node: str) -> Iterator[LoggedRow]:
+    now_ns, counts = -1, Counter[str]()
     for tick_ns, item in logged_of(run, node):
+        if tick_ns != now_ns:
+            now_ns, counts = tick_ns, Counter()
         if isinstance(item, LoggedValue):
             for key, value in _leaves(item.value):
-                row = (float("nan"), value) if isinstance(value, str) else (float(value), "")
-                yield LoggedRow(tick_ns, node, item.name, key, *row)
+                yield LoggedRow(tick_ns, node, item.name, counts[item.name], key, *_cells(value))
+            counts[item.name] += 1
 
 
 def _leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
-    """Single values with their keys."""
-    if not isinstance(value, dict | list):
+    """Single values, and empty vectors and mappings, with their keys."""
+    if not isinstance(value, dict | list) or not value:
         yield at, value
         return
     for key, each in value.items() if isinstance(value, dict) else enumerate(value):
         yield from _leaves(each, f"{at}.{key}" if at else str(key))
+
+
+def _cells(value: Any) -> tuple[str, float, str]:
+    """Kind, number and text of what `_leaves` gives."""
+    kind = kind_of(value)
+    return kind, float(value) if kind in ("number", "bool") else math.nan, value if kind == "text" else ""
 
 
 def write_logged(run: Path) -> None:
@@ -81,8 +99,17 @@ def write_logged(run: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    kinds = (pa.int64(), name_type(), pa.string(), pa.string(), pa.float64(), pa.string())
-    schema = pa.schema(list(zip(LoggedRow._fields, kinds, strict=True)))
+    types = (
+        pa.int64(),
+        name_type(),
+        pa.string(),
+        pa.int64(),
+        pa.string(),
+        name_type(),
+        pa.float64(),
+        pa.string(),
+    )
+    schema = pa.schema(list(zip(LoggedRow._fields, types, strict=True)))
     with whole_file(path) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
         while part:
@@ -91,11 +118,14 @@ def write_logged(run: Path) -> None:
 
 
 def _columns(rows: Sequence[LoggedRow]) -> list[Any]:
-    ticks_ns, nodes, *named, values, said = zip(*rows, strict=True)
+    ticks_ns, nodes, named, counts, keys, kinds, values, said = zip(*rows, strict=True)
     return [
         numbers(np.array(ticks_ns, dtype=np.int64)),
         names(nodes),
-        *map(texts, named),
+        texts(named),
+        numbers(np.array(counts, dtype=np.int64)),
+        texts(keys),
+        names(kinds),
         numbers(np.array(values, dtype=np.float64)),
         texts(said),
     ]

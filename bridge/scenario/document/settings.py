@@ -10,6 +10,7 @@ from typing import Any
 from bridge.scenario.document.merge import as_preset, names_a_preset, removes, same_id
 from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
+from bridge.scenario.nodes import KEYS
 from sitl_configs.yaml_text import YamlMistake, read_yaml
 
 ALL_NODES = "*"
@@ -21,7 +22,7 @@ class Setting:
 
     Attributes:
         key: dotted: ``radio.noise.floor_dbm``; nodes by id (``nodes.1.home.north_m``) or all of them
-            (``nodes.*.radio``), other lists by index.
+            whose kind has the key (``nodes.*.radio``), other lists by index.
         value: plain, as YAML has it.
         told_as: what a mistake is reported under, the option say.
         folder: what files that it names are seen from.
@@ -121,7 +122,7 @@ class _Setter:
         """Indices of the nodes meant, and the steps that are left; an id may have dots in it."""
         items = nodes.items()
         if steps[0] == ALL_NODES:
-            return list(range(len(items))), steps[1:]
+            return self._able(items, steps[1:]), steps[1:]
         for length in range(1, len(steps) + 1):
             node_id = ".".join(steps[:length])
             found = [index for index, node in enumerate(items) if same_id(node, node_id)]
@@ -130,6 +131,16 @@ class _Setter:
         ids = ", ".join(str(own.content) for node in items if (own := node.get("id")) is not None)
         self._refuse(f"no node has the id {steps[0]}; there are: {ids or 'none'}, and * for all")
         raise AssertionError
+
+    def _able(self, nodes: Sequence[Written], steps: Sequence[str]) -> list[int]:
+        """Indices of the nodes whose kind has the key; of all if no kind has it, which is told of each as unknown."""
+        kinds = [kind for kind, keys in KEYS.items() if steps and steps[0] in keys]
+        if not kinds:
+            return list(range(len(nodes)))
+        found = [index for index, node in enumerate(nodes) if _kind_of(node) in kinds]
+        if nodes and not found:
+            self._refuse(f"no node here can have {steps[0]}: it is a key of {' and '.join(kinds)} nodes")
+        return found
 
     def _index(self, here: Written, path: Path_, step: str) -> int:
         if step.isdecimal() and int(step) < len(here.content):
@@ -140,3 +151,9 @@ class _Setter:
 
     def _refuse(self, text: str) -> None:
         raise ScenarioError(f"{self.setting.told_as}: {self.setting.key}: {text}")
+
+
+def _kind_of(node: Written) -> object:
+    """A node without a kind is a UA."""
+    kind = node.get("kind")
+    return "ua" if kind is None else kind.content

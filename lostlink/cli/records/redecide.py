@@ -59,6 +59,8 @@ def redecide(
       lostlink redecide runs/A --set radio.transmit_power_dbm=17 --json | jq .links
       lostlink redecide runs/A                        the same radio and seed: the same fates, all of them
     """
+    silent = quiet or as_json
+    progress = _Progress(silent=silent)  # whose clock goes while modules are imported
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
     from lostlink.flight.exits import RunOutcome
@@ -67,12 +69,11 @@ def redecide(
     from lostlink.redecision.told import plain_of, verdict_on
     from lostlink.redecision.whole_run import write_whole_run
 
-    silent = quiet or as_json
     try:
         if out is not None:
             check_is_free(out)  # before all is decided for nothing
         scenario = _scenario(run, radio, seed, settings)
-        result = decide(run, scenario, _Progress(silent=silent))
+        result = decide(run, scenario, progress)
         summary = None if out is None else write_whole_run(result, out, _Written(silent=silent))
     except (OSError, ValueError, ChannelInputError, OutsideValidityError) as error:
         fail(error)
@@ -97,11 +98,11 @@ def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[st
 
 
 class _Progress:
-    """A line every two seconds."""
+    """A line every two seconds; the first comes sooner, for the second in which the command itself began."""
 
     def __init__(self, *, silent: bool) -> None:
         self._silent = silent
-        self._news = Every(NEWS_PERIOD_S)
+        self._news = Every(NEWS_PERIOD_S, first_s=NEWS_PERIOD_S / 2)
 
     def __call__(self, done: float) -> None:
         if not self._silent and self._news.is_due():

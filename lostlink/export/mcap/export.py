@@ -15,6 +15,7 @@ from bridge.scenario.mcap import McapSettings
 from bridge.scenario.model import Scenario
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.mavlink import mavlink_sources
+from lostlink.export.mcap.measured import MeasurementSource
 from lostlink.export.mcap.motion import StateSource, TruthSource
 from lostlink.export.mcap.radio import RadioSource, packets_source
 from lostlink.export.mcap.said import agent_sources, events_source, text_sources
@@ -61,6 +62,8 @@ def _sources(run: Path, file: McapFile, scenario: Scenario) -> Iterator[Source]:
     yield TruthSource(run, file, names)
     if file.settings.has("state"):
         yield StateSource(run, file, names)
+    if file.settings.has("measurements"):
+        yield MeasurementSource(run, file, scenario, names)
     found: list[Source | None] = []
     for node, prefix in names.items():
         found += [*mavlink_sources(run, file, node, prefix), packets_source(run, file, node, prefix)]

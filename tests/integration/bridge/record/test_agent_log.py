@@ -87,7 +87,7 @@ class Logger(Agent):
 """
 TOLD = {
     "log": "log('x'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
-    "log_name": "'a\\ud83d' cannot be part of a key: use up to 255 letters, digits, '_', '-' and '.'",
+    "log_name": "log('a\\ud83d'): a name is a letter or digit, then up to 63 letters, digits, '_', '-' and '.'",
     "log_mapping": "log('x.a'): 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
     "report": "report: 'a\\ud83d' is no text in UTF-8: surrogates not allowed",
     "report_number": "report: 5 is no text",

@@ -52,7 +52,9 @@ def scenario(tmp_path: Path, free_slot: Callable[[int], int]) -> dict[str, Any]:
     text = STILL.replace("{{type: still}}", f'{{{{type: own, class: "{tmp_path}/logger.py:Logger"}}}}')
     content: dict[str, Any] = yaml.safe_load(text.format(speed="max", duration_s=20.0, slot=free_slot(2)))
     ground = {"kind": "ground", "id": "gcs-1", "place": {"north_m": 100}, "agent": {"type": "still"}}
-    content["nodes"].append(ground)
+    beacon = {"kind": "emitter", "id": "beacon", "frequency_hz": 433.92e6, "power_dbm": 20.0}
+    content["nodes"] += [ground, beacon | {"place": {"north_m": 300}}]
+    content["nodes"][1]["sensor"] = {"rate_hz": 5}
     return content | {"radio": {"preset": "corrected", "mtu_bytes": 2000}}
 
 
@@ -64,7 +66,7 @@ def test_every_topic_decodes_and_counts_are_those_of_the_summary(
     assert (result.ending, result.error) == ("done", None)
     read = read_mcap(result.path / "run.mcap")
     assert read.counts == read.statistics
-    for topics in (_tables, _radio, _agents, _mavlink, _texts):
+    for topics in (_tables, _measurements, _radio, _agents, _mavlink, _texts):
         topics(read, result)
     _rosbags(read, result.path / "run.mcap")
     _export(result, read)
@@ -94,7 +96,18 @@ def _tables(read: Read, result: RunResult) -> None:
         state = read.messages[f"{topic}/state"][-1]
         assert state.mode == states["mode"].iloc[-1]
     frames = {each.transforms[0].child_frame_id for each in read.messages["/tf"]}
-    assert frames == {"ua_0", "ua_1", "ground_gcs_1"}
+    assert frames == {"ua_0", "ua_1", "ground_gcs_1", "ground_beacon"}
+
+
+def _measurements(read: Read, result: RunResult) -> None:
+    table = result.run.measurements
+    reported = table[table.outcome == "measured"]
+    assert len(reported) == len(table) > 5
+    messages = read.messages["/ua_1/measurements"]
+    assert read.times_ns["/ua_1/measurements"] == reported.sim_time_ns.tolist()
+    assert [list(message.number) for message in messages] == [[number] for number in reported.number]
+    assert [list(message.power_dbm) for message in messages] == [[power] for power in reported.power_dbm]
+    assert {(*message.emitter, *message.frequency_hz) for message in messages} == {("beacon", 433.92e6)}
 
 
 def _radio(read: Read, result: RunResult) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,8 +18,10 @@ from bridge.scenario.file import read_scenario
 from channel.presets import load_radio
 from channel.sensing.measured import MEASURED, Measured
 from lostlink.cli.main import lostlink
+from lostlink.cli.records import redecide as module
 from lostlink.compare.compare import compare
 from lostlink.reading.run import load_run
+from lostlink.reading.sent import SentPackets
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 NODES = ("0", "1", "gcs")
@@ -59,6 +62,25 @@ def test_a_directory_that_is_not_empty_is_told_before_anything_is_decided(
     result = redecide(run, "--out", tmp_path)
     assert (result.exit_code, decided) == (2, [])
     assert result.stderr.splitlines()[-1].endswith("it is there already, and not empty")
+
+
+def test_it_is_silent_for_less_than_two_seconds_also_while_it_reads(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second has passed before the command's own clock: of Python, and of what the command line imports."""
+    now_s, said_s = [1.0], []
+
+    def reads_slowly(*given: Any) -> SentPackets:
+        now_s[0] += 0.6
+        return SentPackets(*given)
+
+    monkeypatch.setattr("bridge.run.every.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("lostlink.redecision.redecide.SentPackets", reads_slowly)
+    monkeypatch.setattr(
+        module, "say", lambda text, err=False: said_s.append((now_s[0], text)) if err else None
+    )
+    assert redecide(run).exit_code == 0
+    assert said_s == [(pytest.approx(2.2), "decided 0 % of the packets")]
 
 
 def test_fates_that_are_not_what_was_recorded_are_an_error(run: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import csv
 import math
 from pathlib import Path
 
+import pandas as pd
 import pyarrow.parquet as pq
 from click.testing import CliRunner
 
@@ -20,20 +21,36 @@ from lostlink.cli.records.export import export
 from tests.unit.bridge.record.runs import RunContent, make_run
 
 SAID = {
-    "0": [(5, LoggedValue("gap_m", 1.5)), (9, LoggedValue("plan", {"to_m": [3, 4.5], "why": "lost, again"}))],
+    "0": [
+        (5, LoggedValue("gap_m", 1.5)),
+        (9, LoggedValue("plan", {"to_m": [3, 4.5], "why": "lost, again"})),
+        (9, LoggedValue("heard", {"from": 2})),
+        (9, LoggedValue("plan", {"to_m": [], "why": ""})),
+        (9, LoggedValue("plan", {})),
+        (11, LoggedValue("plan", {"why": "found"})),
+    ],
     "1": [
         (5, AgentStatus(activity="climbs")),
         (7, LoggedValue("near", True)),
         (9, LoggedValue("bad", math.nan)),
+        (9, LoggedValue("bad", "")),
+        (9, LoggedValue("bad", [])),
     ],
 }
 ROWS = [
-    LoggedRow(5, "0", "gap_m", "", 1.5, ""),
-    LoggedRow(7, "1", "near", "", 1.0, ""),
-    LoggedRow(9, "0", "plan", "to_m.0", 3.0, ""),
-    LoggedRow(9, "0", "plan", "to_m.1", 4.5, ""),
-    LoggedRow(9, "0", "plan", "why", math.nan, "lost, again"),
-    LoggedRow(9, "1", "bad", "", math.nan, ""),
+    LoggedRow(5, "0", "gap_m", 0, "", "number", 1.5, ""),
+    LoggedRow(7, "1", "near", 0, "", "bool", 1.0, ""),
+    LoggedRow(9, "0", "plan", 0, "to_m.0", "number", 3.0, ""),
+    LoggedRow(9, "0", "plan", 0, "to_m.1", "number", 4.5, ""),
+    LoggedRow(9, "0", "plan", 0, "why", "text", math.nan, "lost, again"),
+    LoggedRow(9, "0", "heard", 0, "from", "number", 2.0, ""),
+    LoggedRow(9, "0", "plan", 1, "to_m", "vector", math.nan, ""),
+    LoggedRow(9, "0", "plan", 1, "why", "text", math.nan, ""),
+    LoggedRow(9, "0", "plan", 2, "", "mapping", math.nan, ""),
+    LoggedRow(9, "1", "bad", 0, "", "number", math.nan, ""),
+    LoggedRow(9, "1", "bad", 1, "", "text", math.nan, ""),
+    LoggedRow(9, "1", "bad", 2, "", "vector", math.nan, ""),
+    LoggedRow(11, "0", "plan", 0, "why", "text", math.nan, "found"),
 ]
 
 
@@ -62,3 +79,16 @@ def test_csv_has_the_same_of_a_killed_run_too(tmp_path: Path) -> None:
         header, *rows = csv.reader(file)
     assert tuple(header) == LoggedRow._fields
     assert rows == [[str(cell) for cell in row] for row in ROWS]
+
+
+def test_what_was_logged_can_be_put_together_again_from_the_table(tmp_path: Path) -> None:
+    """By node, tick, name and number: as many values as there were, also of one name at one tick."""
+    run = make_run(tmp_path / "run", log)
+    rows = pd.read_parquet(run / LOGGED_FILE)
+    found = rows.groupby(["tick_ns", "node", "name", "number"], observed=True).size()
+    logged = [(t, node, item) for node, said in SAID.items() for t, item in said]
+    assert len(found) == sum(isinstance(item, LoggedValue) for *_, item in logged)
+    wide = rows[rows.kind.isin(["number", "bool"])].pivot(
+        index=["tick_ns", "node", "name", "number"], columns="key", values="value"
+    )
+    assert wide.loc[(9, "0", "plan", 0), ["to_m.0", "to_m.1"]].tolist() == [3.0, 4.5]

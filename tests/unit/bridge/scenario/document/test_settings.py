@@ -50,6 +50,35 @@ def test_a_star_means_all_nodes_and_later_settings_win() -> None:
     assert it.radio == "disk"
 
 
+EMITTER = "  - {id: b, kind: emitter, frequency_hz: 433e+6, power_dbm: 20}\n"
+
+
+def test_a_star_means_the_nodes_that_can_have_the_key() -> None:
+    keys = (
+        "nodes.*.agent.isolated=true",
+        "nodes.*.home.north_m=3",
+        "nodes.*.duty=0.5",
+        "nodes.*.sensor.rate_hz=2",
+        "nodes.*.radio=disk",
+    )
+    told = (*keys, "nodes.mast.1.track=null", "nodes.*.place.east_m=7")
+    it = parse_scenario(TEXT + EMITTER, "small.yaml", overrides=[parse_setting(text) for text in told])
+    assert [node.agent.isolated for node in (*it.ua, *it.ground)] == [True] * 3
+    assert [ua.home.north_m for ua in it.ua] == [3.0, 3.0]
+    assert [node.radio for node in (*it.ua, *it.ground)] == ["disk"] * 3
+    assert [node.sensor and node.sensor.rate_hz for node in (*it.ua, *it.ground)] == [2.0] * 3
+    assert [node.place and node.place.east_m for node in (*it.ground, *it.emitters)] == [7.0, 7.0]
+    assert it.emitters[0].duty == 0.5
+    assert with_changes(it, {"nodes.*.agent": {"type": "still"}}).ground[0].agent.type == "still"
+
+
+def test_a_key_that_no_node_here_can_have_is_told_with_the_kinds_that_can() -> None:
+    assert refused("nodes.*.duty=0.5") == (
+        "--set nodes.*.duty=0.5: nodes.*.duty: no node here can have duty: it is a key of emitter nodes"
+    )
+    assert "nodes.*.agnt=3: nodes.4.agnt: unknown key; did you mean agent?" in refused("nodes.*.agnt=3")
+
+
 def test_null_removes_what_is_there() -> None:
     it = changed("wind=breeze", "wind=null", "nodes.2.home.north_m=7", "nodes.2.home=null")
     assert (it.wind, it.ua[1].home.north_m) == ("calm", 0.0)
