@@ -19,8 +19,8 @@ from standin.vehicle.modes import Guided, ModeNumber
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
-FORCE_MAGIC = (2989.0, 21196.0)
-"""param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""
+FORCE_MAGIC = {True: (2989.0, 21196.0), False: (21196.0,)}
+"""param2 of COMPONENT_ARM_DISARM that skips the checks, of arming (either of ArduPilot's two numbers) and disarming."""
 INTERVAL_END_US = 2**31
 """ArduPilot's intervals are an int32; its simulation is ended by what is beyond, the stand-in denies it."""
 RELATIVE_FRAMES = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -98,7 +98,7 @@ class CommandProtocol:
         if wanted not in (0.0, 1.0):
             return Result.UNSUPPORTED
         act = self._vehicle.arm if wanted == 1.0 else self._vehicle.disarm
-        return Result.ACCEPTED if act(magic in FORCE_MAGIC) else Result.FAILED
+        return Result.ACCEPTED if act(magic in FORCE_MAGIC[wanted == 1.0]) else Result.FAILED
 
     def _set_mode(self, request: Request) -> Result:
         if not int_or_zero(request.parameters[0]) & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
