@@ -198,10 +198,15 @@ class SetExecution(_Asking):
         name, wanted = self._wanted[self._at]
         kind = int(fields["param_type"])
         low, high = _LIMITS.get(kind, (-math.inf, math.inf))
+        sent = wanted if _is_bytewise(kind, self._autopilot) else as_float32(wanted)
         if not low <= wanted <= high or (kind in _LIMITS and wanted != round(wanted)):
             self.refuse(f"{name} is a whole number in {low:g}..{high:g}: {wanted!r} is none")
-        elif value == (wanted if _is_bytewise(kind, self._autopilot) else as_float32(wanted)):
+        elif value == sent:
             self._next(name)
+        elif kind in _LIMITS and sent != wanted:  # of 2**31, ArduPilot's conversion is not defined
+            self.refuse(
+                f"{name} is sent as a four-byte float, which cannot hold {wanted:.0f}: {sent:.0f} is next"
+            )
         elif self._kind is None:
             self._kind, self._tries, self._due_at_ns = kind, 0, 0
         else:

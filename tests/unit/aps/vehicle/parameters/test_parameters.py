@@ -245,6 +245,23 @@ def test_whole_numbers_are_kept_whole():
     assert bench.heard("PARAM_SET")[0].param_type == 1
 
 
+def test_what_ardupilots_float_cannot_hold_is_refused_and_not_set_to_the_next():
+    """2**31 - 1 would go out as 2**31, which ends a simulated ArduPilot (AP_Param::set_float)."""
+    autopilot = KeepingAutopilot({"N": 1.0})
+    autopilot._param_value_out = lambda index, name: autopilot.say(
+        mavlink.MAVLink_param_value_message(name.encode(), autopilot.parameters[name], 6, 1, index)
+    )
+    bench = Bench(autopilot)
+    for value, sent in ((2**24 + 1, 2**24), (2**31 - 1, 2**31)):
+        result = bench.run("parameter_set", "N", value)
+        reason = f"N is sent as a four-byte float, which cannot hold {value}: {sent} is next"
+        assert (result.outcome, result.reason) == (Outcome.REFUSED, reason)
+    assert bench.heard("PARAM_SET") == []
+    assert bench.run("parameter_set", "N", 2**24 + 2).reached
+    autopilot.parameters["N"] = float(2**24)
+    assert bench.run("parameter_set", "N", 2**24 + 1).reached, "as it is told, it is that already"
+
+
 @pytest.mark.parametrize(
     ("verb", "arguments", "text"),
     [
@@ -297,6 +314,15 @@ def test_packed_parameters_with_padding_and_types():
 def test_a_torn_packed_file_is_an_error(cut):
     with pytest.raises(ValueError, match="packed"):
         unpacked(packed(PARAMETERS)[:cut])
+
+
+@pytest.mark.parametrize("number", [123456789, 2130706433, 2**31 - 1, -(2**31), 2**32 - 1, 1_000_000])
+def test_whole_numbers_of_32_bits_pass_through_files_exactly(number):
+    """UXRCE_DDS_AG_IP of PX4 is one: 127.0.0.1."""
+    text = write_parameters({"A": float(number)})
+    assert text.split() == ["A", str(number)]
+    assert compare(read_parameters(text), {"A": float(number)}) == []
+    assert compare({"A": float(number - 1)}, {"A": float(number)}) == [("A", number - 1, number)]
 
 
 def test_parameter_files():
