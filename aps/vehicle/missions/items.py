@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from aps.vehicle.autopilots.choice import autopilot_of
@@ -147,6 +147,10 @@ class MissionItem:
         if self.is_global:
             return DEGREES
         return TENTHS_OF_MM if self.frame in _LOCAL and has_location(self.command) else 1.0
+
+    def jumping_to(self, number: float) -> MissionItem:
+        """The same DO_JUMP to another item."""
+        return replace(self, params=(float(number), *self.params[1:]))
 
     def _or_0(self, index: int) -> float:
         value = self.params[index]
