@@ -25,7 +25,7 @@ from aps.vehicle.messages import MessageBoard
 from aps.vehicle.parameters.ftp import ReadExecution
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.vehicle.sticks import MiddleStick
-from aps.vehicle.streams import StreamArbiter, command_of
+from aps.vehicle.streams import StreamArbiter, StreamWish, command_of
 from aps.vehicle.subscription import Subscriptions
 from aps.vehicle.telemetry import Telemetry
 from aps.wire.dialect import (
@@ -304,6 +304,11 @@ class Vehicle:
         request = self.acks.answered(command, system, component, final=result != _IN_PROGRESS)
         if request is FOREIGN:
             return
+        if isinstance(request, StreamWish):
+            if result not in (_ACCEPTED, _IN_PROGRESS):
+                self.streams.denied(request)
+                self._pump_streams(now_ns)
+            return
         counters = self.acks.counters
         if request is None:
             counters.stray += 1
@@ -356,7 +361,7 @@ class Vehicle:
         """Remember a client's command to the autopilot: its answer must not be taken for one of ours."""
         command = command_of(frame)
         if command is not None:
-            self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
+            self.acks.sent(command, frame.sysid, frame.compid, self.streams.wish(frame) or FOREIGN)
             self.commands.command_sent(command)
 
     def _send(self, messages: list[Any], request: object) -> None:
