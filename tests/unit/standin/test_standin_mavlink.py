@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from standin import cli
 from standin.autopilot import Autopilot
 from standin.vehicle.auto import Auto
+from standin.vehicle.events import Severity
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import (
     StandinParameters,
@@ -232,9 +233,10 @@ def test_unknown_commands_modes_and_targets(ready: Bench) -> None:
     assert texts(answer) == ["No such mode 99"]
     assert results(ready.command(176, 0, GUIDED)) == [(176, 2)]
     assert ready.say(dialect.MAVLink_command_long_message(8, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
-    assert ready.say(dialect.MAVLink_command_long_message(7, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
     assert not ready.autopilot.vehicle.armed
-    assert ready.autopilot.mavlink.ignored["other_target"] == 2
+    assert ready.autopilot.mavlink.ignored["other_target"] == 1
+    answer = ready.say(dialect.MAVLink_command_long_message(7, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert results(answer) == [(400, 0)], "a component that is not there: MAVLink_routing::check_and_forward"
 
 
 def test_set_mode_message_changes_the_mode_without_acknowledgement(ready: Bench) -> None:
@@ -259,6 +261,40 @@ def test_reposition_is_taken_as_command_int_only(ready: Bench) -> None:
     assert results(ready.say(message)) == [(192, 0)]
     bad = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, 950010000, 100010000, 20)
     assert results(ready.say(bad)) == [(192, 2)]
+    before = ready.autopilot.vehicle.mode
+    for lat, lon, alt in ((0, 0, 20), (450010000, 100010000, 0)):  # Location::sanitize
+        bad = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, lat, lon, alt)
+        assert results(ready.say(bad)) == [(192, 2)]
+    assert ready.autopilot.vehicle.mode is before
+    level = dialect.MAVLink_command_int_message(7, 1, 5, 192, 0, 0, -1, 1, 0, 0, 450010000, 100010000, 0)
+    assert results(ready.say(level)) == [(192, 0)], "the sea's level is a height"
+
+
+@pytest.mark.parametrize(("interval_us", "result"), [(1, 2), (2999, 2), (3000, 0), (-1, 0), (0, 0)])
+def test_rates_beyond_the_loop_are_denied_as_by_arducopter(
+    ready: Bench, interval_us: float, result: int
+) -> None:
+    answer = ready.command(511, 33, interval_us)
+    assert results(answer) == [(511, result)]
+    words = ["Requested rate for message ID 33 too fast. Increas", "e SCHED_LOOP_RATE"]
+    assert texts(answer) == (words if result else [])
+
+
+@pytest.mark.parametrize("length", [50, 51, 100, 127])
+def test_long_texts_are_sent_in_chunks(ready: Bench, length: int) -> None:
+    ready.autopilot.vehicle.say(Severity.INFO, "x" * length)
+    told = [m for m in ready.turn() if m.get_type() == "STATUSTEXT"]
+    assert "".join(m.text for m in told) == "x" * length
+    assert [(m.id, m.chunk_seq) for m in told] == [(int(length > 50), number) for number in range(len(told))]
+    assert (len(told) == 1) == (length == 50)
+    assert length == 50 or len(told[-1].text) < 50, "this is the end"
+
+
+def test_disarming_is_forced_by_one_number_alone(ready: Bench) -> None:
+    in_the_air(ready)
+    assert results(ready.command(400, 0, 2989)) == [(400, 4)]
+    assert ready.autopilot.vehicle.armed
+    assert results(ready.command(400, 0, 21196)) == [(400, 0)]
 
 
 def test_home_is_told_when_the_vehicle_arms(ready: Bench) -> None:
