@@ -28,6 +28,63 @@ def test_all_parameters_over_a_link_that_loses_and_corrupts(ftp, seed):
     assert bool(bench.heard("PARAM_REQUEST_LIST")) is not ftp
 
 
+class ListingAutopilot(KeepingAutopilot):
+    """Sends its list as ArduPilot does: some per step, the count of its beginning, whatever comes in between."""
+
+    def __init__(self, parameters):
+        super().__init__(parameters, ftp=False)
+        self.at, self.count = None, 0
+
+    def _param_request_list(self, message):
+        self.at, self.count = 0, len(self.parameters)
+
+    def step(self):
+        super().step()
+        for _ in range(20):
+            if self.at is not None and self.at < len(self.parameters):
+                name = list(self.parameters)[self.at]
+                self.say(mavlink.MAVLink_param_value_message(name.encode(), 1.0, 9, self.count, self.at))
+                self.at += 1
+
+    def enable(self, names):
+        """More parameters, in front of others, as PARAM_SET of an ENABLE makes them."""
+        first, *others = self.parameters
+        self.parameters = dict.fromkeys([first, *names, *others], 1.0)
+        self._param_value_out(0xFFFF, first)
+
+
+@pytest.mark.parametrize("after", [0, 50, 150])
+def test_a_list_that_grows_while_it_is_sent_is_asked_for_anew(after):
+    autopilot = ListingAutopilot([(f"P{n}", 1.0) for n in range(200)])
+    bench = Bench(autopilot)
+    bench.commands.start("parameters", on_done=(ends := []).append)
+    while (autopilot.at or 0) < max(after, 1):
+        bench.step()
+    autopilot.enable([f"GRIP_{n}" for n in range(35)])
+    while not ends:
+        bench.step()
+    assert ends[0].value == autopilot.parameters
+    assert len(ends[0].value) == 235
+    bench.commands.start("parameters", on_done=ends.append)  # the list before may still be sent
+    while len(ends) < 2:
+        bench.step()
+    assert ends[1].value == autopilot.parameters
+
+
+def test_a_length_that_changes_for_ever_is_no_list_that_is_asked_for_for_ever():
+    autopilot = ListingAutopilot([(f"P{n}", 1.0) for n in range(100)])
+    autopilot.step = lambda: autopilot._param_value_out(0xFFFF, "P0")
+    autopilot._param_value_out = lambda index, name: autopilot.say(
+        mavlink.MAVLink_param_value_message(name.encode(), 1.0, 9, 100 + bench.now_ns // 10**7 % 2, index)
+    )
+    bench = Bench(autopilot)
+    bench.commands.start("parameters", on_done=(ends := []).append)
+    while not ends:
+        bench.step()
+    assert ends[0].outcome is Outcome.TIMED_OUT
+    assert len(bench.heard("PARAM_REQUEST_LIST")) < 30
+
+
 def test_an_autopilot_without_ftp_is_asked_one_by_one():
     bench = Bench(KeepingAutopilot(PARAMETERS, ftp=False))
     result = bench.run("parameters")
