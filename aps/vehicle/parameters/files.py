@@ -11,6 +11,8 @@ from aps.vehicle.parameters.transfer import as_float32, checked_name
 __all__ = ["ParameterDifference", "compare", "read_parameters", "write_parameters"]
 
 
+_FLAG: Final = "@"
+"""Begins what ArduPilot's own defaults have behind a value: ``@READONLY``."""
 WHOLE_MAX: Final = 2**32 - 1
 """The largest number of a whole parameter (MAV_PARAM_TYPE_UINT32)."""
 
@@ -37,7 +39,7 @@ def read_parameters(text: str) -> dict[str, float]:
         if len(words) == 5 and words[0].isdigit() and words[1].isdigit():
             words = words[2:4]  # QGroundControl: system, component, name, value, type
         try:
-            if len(words) < 2:
+            if len(words) != 2 and (len(words) < 2 or not words[2].startswith(_FLAG)):
                 raise ValueError("a name and a value are expected")
             value = float(words[1])
             if not math.isfinite(value):

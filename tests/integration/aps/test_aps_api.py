@@ -208,6 +208,22 @@ PLAN = {
 }
 
 
+@pytest.mark.parametrize(
+    ("verb", "arguments", "at"),
+    [
+        ("parameter_set", {"name": "RTL_ALT", "value": True}, ["body", "value"]),
+        ("parameter_set", {"name": "RTL_ALT", "value": "1600"}, ["body", "value"]),
+        ("parameters_set", {"values": {"RTL_ALT": False}}, ["body", "values", "RTL_ALT"]),
+        ("mission_set_current", {"seq": True}, ["body", "seq"]),
+        ("disarm", {"force": "no"}, ["body", "force"]),
+    ],
+)
+async def test_what_is_no_number_is_not_taken_for_one(call, keeping, verb, arguments, at):
+    status, reply = await call("POST", f"/commands/{verb}", arguments)
+    assert (status, [one["loc"] for one in reply["detail"]]) == (422, [at])
+    assert keeping.parameters["RTL_ALT"] == 1500.0
+
+
 async def test_plans_and_waypoint_files_up_and_down(call, keeping):
     status, reply = await call("PUT", "/plan", PLAN)
     assert (status, reply) == (200, {"mission": 25, "fence": 1, "rally": 1})

@@ -141,6 +141,14 @@ def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame)
             MissionItem.from_json({"command": command, "params": [0] * 7, "frame": wrong})
 
 
+@pytest.mark.parametrize("value", ["false", 2, None, []])
+def test_autocontinue_is_true_or_false(value):
+    item = {"command": 16, "params": [0] * 7, "autocontinue": value}
+    with pytest.raises(ValueError, match=r"^autocontinue is true or false, not "):
+        MissionItem.from_json(item)
+    assert not MissionItem.from_json(item | {"autocontinue": 0}).autocontinue
+
+
 REFUSED_LAST = "ERROR, after item 3 of 3 (NAV_WAYPOINT, frame 3)"
 
 

@@ -394,8 +394,10 @@ def test_parameter_files():
         ("C", 2.0, None),
         ("D", None, 3.0),
     ]
-    with pytest.raises(ValueError, match="line 2: a name and a value"):
-        read_parameters("A 1\nB\n")
+    assert read_parameters("A 1 @READONLY\n") == {"A": 1.0}
+    for wrong in ("B", "B 1,500", "B 1 metre"):
+        with pytest.raises(ValueError, match="line 2: a name and a value"):
+            read_parameters(f"A 1\n{wrong}\n")
     with pytest.raises(ValueError, match=r"line 2: 1e\+39 is too large"):
         read_parameters("A 1\nB 1e39\n")
     with pytest.raises(ValueError, match="line 1: nan is no value"):
