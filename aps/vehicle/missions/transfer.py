@@ -38,6 +38,8 @@ _DENIED: Final = int(mavlink.MAV_MISSION_DENIED)
 _CANCELLED: Final = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
 _SEQUENCE: Final = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 _ERROR: Final = int(mavlink.MAV_MISSION_ERROR)
+_CHECKS: Final = "PreArm:"
+"""Begins what ArduPilot says of them."""
 _NEEDED: Final = {"fence": 1, "rally": 7}
 """Parameters that have to be numbers: radius or number of vertices, and height. NaN ends a simulated ArduPilot."""
 MAX_BEGINNINGS: Final = 3
@@ -75,8 +77,9 @@ class _Transfer(Execution):
         self._texts: list[StatusText] = []
 
     def on_text(self, text: StatusText) -> None:
-        """What it says to the transfer."""
-        self._texts.append(text)
+        """What it says to the transfer, but for its checks before arming, which it repeats."""
+        if not text.text.startswith(_CHECKS):
+            self._texts.append(text)
 
     def _say(self, message: Any, now_ns: int, *, tries: int = 0) -> None:
         """Say something, now and until something else is said."""

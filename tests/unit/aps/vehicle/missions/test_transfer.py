@@ -169,7 +169,8 @@ def test_a_refusal_has_the_autopilots_words(before):
         words = mavlink.MAVLink_statustext_message(4, b"Invalid vertex count (2)", 0, 0)
         told = mavlink.MAVLink_mission_ack_message(7, 191, mavlink.MAV_MISSION_ERROR, 1)
         bench.autopilot._upload = None
-        for message in (words, told) if before else (told, words):
+        check = mavlink.MAVLink_statustext_message(2, b"PreArm: Compass not healthy", 0, 0)
+        for message in (check, words, told) if before else (check, told, words):
             bench.autopilot.say(message)
 
     bench.autopilot._close = close
