@@ -52,6 +52,8 @@ TRANSFER_TIMEOUTS_S: Final = (1.0, 1.0, 1.5, 2.0, 2.0, 3.0, 3.0, 4.0)
 """For the next message of a mission, parameter or file transfer, per try; counted anew with each that comes."""
 PARAMETER_GAP_S: Final = 1.0
 """Since the last parameter of a list, until those that are missing are asked for."""
+CHUNK_TIMEOUT_S: Final = 1.0
+"""For the next chunk of a long STATUSTEXT; then what has come is told."""
 LINK_LOSS_TIMEOUT_S: Final = 30.0
 """For a command whose link is down."""
 ROUTE_EXPIRY_S: Final = 60.0

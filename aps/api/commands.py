@@ -40,7 +40,8 @@ def _model(verb: str, make: Callable[..., Any]) -> type[BaseModel]:
         default = ... if parameter.default is inspect.Parameter.empty else parameter.default
         fields[parameter.name] = (parameter.annotation, default)
     name = "".join(part.capitalize() for part in verb.split("_"))
-    return create_model(name, __config__=ConfigDict(extra="forbid", arbitrary_types_allowed=True), **fields)
+    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, strict=True)  # true is no number
+    return create_model(name, __config__=config, **fields)
 
 
 def _answer(result: CommandResult) -> JSONResponse:

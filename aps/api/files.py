@@ -12,8 +12,15 @@ from fastapi.responses import PlainTextResponse, Response
 from aps.api.backend import Backend
 from aps.api.commands import ENDINGS, run
 from aps.api.jobs import Jobs
-from aps.vehicle.missions.files import FlightPlan, read_plan, read_waypoints, write_plan, write_waypoints
-from aps.vehicle.missions.items import KINDS, MissionItem
+from aps.vehicle.missions.files import (
+    FlightPlan,
+    jumps_moved,
+    read_plan,
+    read_waypoints,
+    write_plan,
+    write_waypoints,
+)
+from aps.vehicle.missions.items import KINDS, MissionItem, first_seq
 from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
 
 __all__ = ["add_files"]
@@ -46,12 +53,19 @@ class _Lists:
     jobs: Jobs
 
     async def download(self, kind: str) -> list[MissionItem]:
+        """A list as files have it."""
         items = await run(self.jobs, "mission_download", {"kind": kind})
-        return [MissionItem.from_json(item) for item in items]
+        return jumps_moved([MissionItem.from_json(item) for item in items], 1 - self._first)
 
     async def upload(self, items: list[MissionItem], kind: str) -> int:
-        plain = [item.to_json() for item in items]
+        """A list that was in a file."""
+        plain = [item.to_json() for item in jumps_moved(items, self._first - 1)]
         return int(await run(self.jobs, "mission_upload", {"items": plain, "kind": kind}))
+
+    @property
+    def _first(self) -> int:
+        """The autopilot's number of the first item after home, which is 1 in files."""
+        return first_seq(KINDS["mission"], self.backend.state().autopilot)
 
     def home(self) -> tuple[float, float, float]:
         state = self.backend.state()

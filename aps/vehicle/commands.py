@@ -32,7 +32,15 @@ from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 from aps.wire.dialect import enum_label, mavlink
 
-__all__ = ["CommandExecution", "CommandPlan", "CommandProgress", "CommandResult", "Outcome", "Step"]
+__all__ = [
+    "CommandExecution",
+    "CommandPlan",
+    "CommandProgress",
+    "CommandResult",
+    "Outcome",
+    "Step",
+    "reasons",
+]
 
 PARAMETER_TOLERANCE: Final = 1.0
 LEAD_PATIENCE: Final = 10.0
@@ -213,7 +221,7 @@ class CommandExecution(Execution):
 
     def follows(self, texts: Iterable[StatusText]) -> None:
         """What the autopilot has said to that which led up to this command, e.g. to the upload of a mission."""
-        self._said_before = _reasons(texts)
+        self._said_before = reasons(texts)
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot."""
@@ -449,7 +457,7 @@ class CommandExecution(Execution):
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""
 
 
-def _reasons(texts: Iterable[StatusText]) -> list[str]:
+def reasons(texts: Iterable[StatusText]) -> list[str]:
     """Those that may be one, each once."""
     return list(dict.fromkeys(text.text for text in texts if _may_be_a_reason(text)))
 

@@ -246,7 +246,12 @@ def _argument(kind: Any, key: str, given: Mapping[str, Any]) -> Any:
     count, is_text = kind.array_lengths[index], kind.fieldtypes[kind.fieldnames.index(key)] == "char"
     value = given.get(key)
     if is_text:
-        return str(value or "").encode("ascii", "replace")
+        text = str(value or "").encode()
+        if len(text) > count:
+            raise ValueError(
+                f"{kind.msgname} cannot be made of {len(text)} bytes of text in {key}: {count} at most"
+            )
+        return text
     if count:
         values = list(value or [])
         if len(values) > count:

@@ -8,7 +8,7 @@ the link comes back.
 Clients ask with MAV_CMD_SET_MESSAGE_INTERVAL (COMMAND_LONG or COMMAND_INT) or REQUEST_DATA_STREAM:
 
 - a SET_MESSAGE_INTERVAL is passed on under the client's own ids, so that the autopilot's COMMAND_ACK finds
-  its way back to it, but with the interval that serves everybody;
+  its way back to it, but with the interval that serves everybody; what the autopilot refuses is forgotten;
 - a REQUEST_DATA_STREAM is never passed on (it would reset the whole group's intervals): it becomes a wish
   for each message of the group.
 
@@ -32,7 +32,7 @@ from aps.timeouts import STREAM_ACK_TIMEOUT_S, STREAM_TRIES
 from aps.wire.dialect import mavlink
 from aps.wire.framer import Frame, with_payload
 
-__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters", "command_of"]
+__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters", "StreamWish", "command_of"]
 
 NS_PER_S: Final = 1_000_000_000
 US_PER_S: Final = 1_000_000
@@ -140,6 +140,14 @@ class StreamCounters:
     """Not acknowledged after MAX_TRIES, put behind the others: tried again for as long as the link is up."""
 
 
+@dataclass(frozen=True, slots=True)
+class StreamWish:
+    """A client's request on its way to the autopilot: what the autopilot is asked for."""
+
+    msg_id: int
+    interval_us: int
+
+
 @dataclass(slots=True)
 class _Outstanding:
     msg_id: int
@@ -234,6 +242,27 @@ class StreamArbiter:
         self.counters.rewritten += 1
         self._note_asked(msg_id, serving_us)
         return with_payload(frame, _INTERVAL_PARAMS.pack(id_value, serving_us) + payload[8:])
+
+    def wish(self, frame: Frame) -> StreamWish | None:
+        """What a command that goes to the autopilot asks of it, if that is a stream."""
+        if command_of(frame) != SET_MESSAGE_INTERVAL:
+            return None
+        msg_id, interval_us = map(int, _INTERVAL_PARAMS.unpack_from(frame.payload.ljust(8, b"\0")))
+        return StreamWish(msg_id, interval_us if frame.signed else self.interval_us(msg_id))
+
+    def denied(self, wish: StreamWish) -> None:
+        """The autopilot refused a client's request: it keeps the interval that it has, and so do the other clients."""
+        self._forget(wish.msg_id, wish.interval_us)
+        if self._asked.get(wish.msg_id) == wish.interval_us:  # else something else has been asked for since
+            del self._asked[wish.msg_id]
+            if self.interval_us(wish.msg_id) > 0:
+                self._want(wish.msg_id)
+
+    def _forget(self, msg_id: int, interval_us: int) -> None:
+        """Drop what clients wish that the autopilot cannot do: it would be asked of it in place of others' wishes."""
+        for wishes in self._wishes.values():
+            if wishes.get(msg_id) == interval_us:
+                del wishes[msg_id]
 
     def _data_stream(self, frame: Frame, link: int) -> None:
         rate_hz, _, _, stream, start = _STREAM_REQUEST.unpack(frame.payload.ljust(6, b"\0")[:6])
@@ -356,5 +385,8 @@ class StreamArbiter:
         else:
             self.counters.refused += 1
             self._asked.pop(outstanding.msg_id, None)
-            if outstanding.interval_us != AUTOPILOT_DEFAULT_US:
+            self._forget(outstanding.msg_id, outstanding.interval_us)
+            if 0 < self.interval_us(outstanding.msg_id) != outstanding.interval_us:
+                self._want(outstanding.msg_id)
+            elif outstanding.interval_us != AUTOPILOT_DEFAULT_US:
                 self.refused.add(outstanding.msg_id)

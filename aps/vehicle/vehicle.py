@@ -25,7 +25,7 @@ from aps.vehicle.messages import MessageBoard
 from aps.vehicle.parameters.ftp import ReadExecution
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.vehicle.sticks import MiddleStick
-from aps.vehicle.streams import StreamArbiter, command_of
+from aps.vehicle.streams import StreamArbiter, StreamWish, command_of
 from aps.vehicle.subscription import Subscriptions
 from aps.vehicle.telemetry import Telemetry
 from aps.wire.dialect import (
@@ -214,14 +214,13 @@ class Vehicle:
 
     def deadline_ns(self) -> int | None:
         """When ``on_time`` is due even if nothing happens."""
-        streams_ns = self.streams.deadline_ns()
         commands_ns = self.commands.deadline_ns() if self.commands.busy else None
-        if streams_ns is None or commands_ns is None:
-            return commands_ns if streams_ns is None else streams_ns
-        return min(streams_ns, commands_ns)
+        due = (self.streams.deadline_ns(), commands_ns, self._assembler.due_ns)
+        return min((due_ns for due_ns in due if due_ns is not None), default=None)
 
     def on_time(self, now_ns: int) -> None:
-        """Do what is due: stream requests, commands."""
+        """Do what is due: stream requests, texts whose end has not come, commands."""
+        self._tell_texts(self._assembler.overdue(now_ns))
         self._pump_streams(now_ns)
         if self.commands.busy:
             self.commands.poll()
@@ -241,7 +240,7 @@ class Vehicle:
         if frame.msg_id == _COMMAND_ACK:
             self._command_ack(frame, now_ns)
         elif frame.msg_id == STATUSTEXT_ID:
-            self._status_text(frame)
+            self._status_text(frame, now_ns)
         elif frame.msg_id == EVENT_ID:
             self._tell_text(self.events.take(frame, self.telemetry.custom_mode))
         return False
@@ -305,6 +304,11 @@ class Vehicle:
         request = self.acks.answered(command, system, component, final=result != _IN_PROGRESS)
         if request is FOREIGN:
             return
+        if isinstance(request, StreamWish):
+            if result not in (_ACCEPTED, _IN_PROGRESS):
+                self.streams.denied(request)
+                self._pump_streams(now_ns)
+            return
         counters = self.acks.counters
         if request is None:
             counters.stray += 1
@@ -317,13 +321,17 @@ class Vehicle:
         else:
             counters.late += 1
 
-    def _status_text(self, frame: Frame) -> None:
+    def _status_text(self, frame: Frame, now_ns: int) -> None:
         if self.answers_us(frame):
             return
-        text = self._assembler.take(frame)
-        if text is not None and text.text.endswith(EVENT_MARK):  # an event says the same
-            text = None if self.events.known else StatusText(text.severity, text.text.rstrip(EVENT_MARK))
-        self._tell_text(text)
+        self._tell_texts(self._assembler.take(frame, now_ns))
+
+    def _tell_texts(self, texts: list[StatusText]) -> None:
+        for text in texts:
+            if not text.text.endswith(EVENT_MARK):
+                self._tell_text(text)
+            elif not self.events.known:  # else an event says the same
+                self._tell_text(StatusText(text.severity, text.text.rstrip(EVENT_MARK)))
 
     def _tell_text(self, text: StatusText | None) -> None:
         if text is not None:
@@ -353,7 +361,7 @@ class Vehicle:
         """Remember a client's command to the autopilot: its answer must not be taken for one of ours."""
         command = command_of(frame)
         if command is not None:
-            self.acks.sent(command, frame.sysid, frame.compid, FOREIGN)
+            self.acks.sent(command, frame.sysid, frame.compid, self.streams.wish(frame) or FOREIGN)
             self.commands.command_sent(command)
 
     def _send(self, messages: list[Any], request: object) -> None:

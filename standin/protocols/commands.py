@@ -9,18 +9,18 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from standin.protocols.streams import Streams
+from standin.protocols.streams import INTERVAL_MIN_US, Streams
 from standin.protocols.targets import location_from
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
-from standin.vehicle.mission import SPEED_KINDS, SpeedKind
+from standin.vehicle.mission import ALT_STEP_M, SPEED_KINDS, SpeedKind
 from standin.vehicle.modes import Guided, ModeNumber
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
-FORCE_MAGIC = (2989.0, 21196.0)
-"""param2 of COMPONENT_ARM_DISARM that skips the checks (either of ArduPilot's two numbers)."""
+FORCE_MAGIC = {True: (2989.0, 21196.0), False: (21196.0,)}
+"""param2 of COMPONENT_ARM_DISARM that skips the checks, of arming (either of ArduPilot's two numbers) and disarming."""
 INTERVAL_END_US = 2**31
 """ArduPilot's intervals are an int32; its simulation is ended by what is beyond, the stand-in denies it."""
 RELATIVE_FRAMES = (dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -98,7 +98,7 @@ class CommandProtocol:
         if wanted not in (0.0, 1.0):
             return Result.UNSUPPORTED
         act = self._vehicle.arm if wanted == 1.0 else self._vehicle.disarm
-        return Result.ACCEPTED if act(magic in FORCE_MAGIC) else Result.FAILED
+        return Result.ACCEPTED if act(magic in FORCE_MAGIC[wanted == 1.0]) else Result.FAILED
 
     def _set_mode(self, request: Request) -> Result:
         if not int_or_zero(request.parameters[0]) & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
@@ -135,6 +135,12 @@ class CommandProtocol:
         speed_mps, flags, _, _ = request.parameters
         may_enter = int_or_zero(flags) & dialect.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         location = location_from(vehicle, request.lat_deg, request.lon_deg, request.alt_m, request.frame)
+        is_here = request.lat_deg == request.lon_deg == 0.0
+        is_as_high = request.frame in RELATIVE_FRAMES and abs(request.alt_m) < ALT_STEP_M
+        if (
+            is_here or is_as_high
+        ):  # places that ArduPilot replaces by its own (Location::sanitize), and denies here
+            return Result.DENIED
         if location is None or not (isinstance(vehicle.mode, Guided) or may_enter):
             return Result.DENIED
         if not vehicle.set_mode(ModeNumber.GUIDED) or not isinstance(vehicle.mode, Guided):
@@ -159,6 +165,10 @@ class CommandProtocol:
             return Result.DENIED
         if int(message_id) not in self._telemetry.builders:
             self._vehicle.say(Severity.INFO, f"No ap_message for mavlink id ({int(message_id)})")
+            return Result.DENIED
+        if 0.0 < interval_us < INTERVAL_MIN_US:
+            text = f"Requested rate for message ID {int(message_id)} too fast. Increase SCHED_LOOP_RATE"
+            self._vehicle.say(Severity.INFO, text)
             return Result.DENIED
         self._streams.set_interval(int(message_id), int(interval_us), self._vehicle.sim_time_ns)
         return Result.ACCEPTED

@@ -17,10 +17,11 @@ from standin.protocols.targets import fly_global_target, fly_local_target, hold_
 from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.events import Event, HomeChanged, ItemReached, ModeChanged, TextEvent
 from standin.vehicle.vehicle import StandinVehicle
-from standin.wire.mavlink_codec import COMPONENT, MavlinkCodec, Message
+from standin.wire.mavlink_codec import MavlinkCodec, Message
 
 SLOW_STEP_NS = 10_000_000
 STATUS_TEXT_BYTES = 50
+TEXT_ID_MAX = 65_535
 NS_PER_MS = 1_000_000
 LIST_STRETCH = 4
 """Streams are so many times as slow while a list of parameters goes out (`get_reschedule_interval_ms`)."""
@@ -70,6 +71,8 @@ class MavlinkEndpoint:
         self._out = bytearray()
         self._connected = False
         self._slow_due_ns = 0
+        self._text_id = 0
+        """Of the last text that was sent in chunks."""
         self.ignored: Counter[str] = Counter()
         """Messages that were understood but not used, by type or reason."""
 
@@ -152,10 +155,20 @@ class MavlinkEndpoint:
             for port in self.told_together:
                 port._tell(event)
 
+    def _tell_text(self, event: TextEvent) -> None:
+        """Send a text; a long one in chunks, of which the last is not full, as ArduPilot (``GCS::send_textv``)."""
+        text, end = event.text.encode("ascii", "replace"), 1
+        text_id = 0
+        if len(text) > STATUS_TEXT_BYTES:
+            self._text_id = text_id = self._text_id % TEXT_ID_MAX + 1
+            end = len(text) + 1
+        for number, at in enumerate(range(0, end, STATUS_TEXT_BYTES)):
+            chunk = text[at : at + STATUS_TEXT_BYTES]
+            self._send(dialect.MAVLink_statustext_message(int(event.severity), chunk, text_id, number))
+
     def _tell(self, event: Event) -> None:
         if isinstance(event, TextEvent):
-            text = event.text.encode("ascii", "replace")[:STATUS_TEXT_BYTES]
-            self._send(dialect.MAVLink_statustext_message(int(event.severity), text))
+            self._tell_text(event)
         elif isinstance(event, ItemReached):
             self._send(dialect.MAVLink_mission_item_reached_message(event.seq))
         elif isinstance(event, HomeChanged):
@@ -175,9 +188,8 @@ class MavlinkEndpoint:
             handler(message)
 
     def _for_us(self, message: Message) -> bool:
-        system = getattr(message, "target_system", 0)
-        component = getattr(message, "target_component", 0)
-        return system in (0, self._codec.system) and component in (0, COMPONENT)
+        """Whether it is for our system; ArduPilot, too, takes what is for a component that it does not know."""
+        return getattr(message, "target_system", 0) in (0, self._codec.system)
 
     def _run_command(self, message: Message) -> None:
         request = request_from(message)

@@ -15,6 +15,7 @@ from standin.protocols.mission_items import (
     Form,
     Sender,
     fault_of,
+    fence_fault,
     item_from,
     item_int_message,
     item_message,
@@ -53,7 +54,7 @@ class MissionProtocol:
         self._telemetry = telemetry
         self._mission = vehicle.mission
         self._send = send
-        self._upload: _Upload | None = None
+        self._uploads: dict[MissionKind, _Upload] = {}
         self._others: dict[MissionKind, list[StandinItem]] = {MissionKind.FENCE: [], MissionKind.RALLY: []}
 
     @property
@@ -68,7 +69,7 @@ class MissionProtocol:
             "MISSION_REQUEST": self._of_kind(self._send_old_item),
             "MISSION_REQUEST_PARTIAL_LIST": self._refuse,
             "MISSION_WRITE_PARTIAL_LIST": self._refuse,
-            "MISSION_CLEAR_ALL": self._clear_all,
+            "MISSION_CLEAR_ALL": self._of_kind(self._clear_all),
             "MISSION_SET_CURRENT": lambda message: self._set_current(message.seq),
         }
 
@@ -87,31 +88,40 @@ class MissionProtocol:
         self._acknowledge(_sender(message), dialect.MAV_MISSION_UNSUPPORTED, message.mission_type)
 
     def step(self) -> None:
-        """Ask again for an item that did not come; give an upload up that went silent."""
-        upload, now_ns = self._upload, self._vehicle.sim_time_ns
-        if upload is None:
-            return
-        if now_ns - upload.heard_ns > UPLOAD_TIMEOUT_NS:
-            self._upload = None
-            self._acknowledge(upload.sender, dialect.MAV_MISSION_OPERATION_CANCELLED, upload.kind)
-        elif now_ns - upload.asked_ns > REQUEST_AGAIN_NS:
-            self._ask(upload)
+        """Ask again for items that did not come; give uploads up that went silent."""
+        now_ns = self._vehicle.sim_time_ns
+        for upload in list(self._uploads.values()):
+            if now_ns - upload.heard_ns > UPLOAD_TIMEOUT_NS:
+                del self._uploads[upload.kind]
+                self._acknowledge(upload.sender, dialect.MAV_MISSION_OPERATION_CANCELLED, upload.kind)
+                self._vehicle.say(Severity.WARNING, f"{upload.kind.name.capitalize()} upload timeout")
+            elif now_ns - upload.asked_ns > REQUEST_AGAIN_NS:
+                self._ask(upload)
 
     # --- upload
 
+    def _cancels(self, sender: Sender, kind: MissionKind) -> bool:
+        """Give up the sender's own upload, if there is one; a list that another one uploads is denied."""
+        upload = self._uploads.get(kind)
+        if upload is not None and upload.sender != sender:
+            self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
+            return False
+        self._uploads.pop(kind, None)
+        return True
+
     def _begin_upload(self, message: Message, kind: MissionKind) -> None:
         sender, now_ns = _sender(message), self._vehicle.sim_time_ns
-        if self._upload is not None and self._upload.sender != sender:
-            self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
+        if not self._cancels(sender, kind):
             return
-        self._upload = None
         if message.count > ITEMS_MAX:
             self._acknowledge(sender, dialect.MAV_MISSION_NO_SPACE, kind)
-        elif message.count == 0:
-            self._clear_all(message)
+            return
+        upload = _Upload(sender, kind, message.count, now_ns, now_ns)
+        if message.count == 0:
+            self._finish_upload(upload)
         else:
-            self._upload = _Upload(sender, kind, message.count, now_ns, now_ns)
-            self._ask(self._upload)
+            self._uploads[kind] = upload
+            self._ask(upload)
 
     def _ask(self, upload: _Upload) -> None:
         upload.asked_ns = self._vehicle.sim_time_ns
@@ -119,8 +129,8 @@ class MissionProtocol:
         self._send(dialect.MAVLink_mission_request_message(*upload.sender, number, upload.kind))
 
     def _take_item(self, message: Message, kind: MissionKind) -> None:
-        sender, upload = _sender(message), self._upload
-        if upload is None or upload.kind != kind:
+        sender, upload = _sender(message), self._uploads.get(kind)
+        if upload is None:
             self._acknowledge(sender, dialect.MAV_MISSION_ERROR, kind)
             return
         if upload.sender != sender:
@@ -132,7 +142,7 @@ class MissionProtocol:
         if item.seq != len(upload.items):
             self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
         elif fault != dialect.MAV_MISSION_ACCEPTED:
-            self._upload = None
+            del self._uploads[kind]
             self._acknowledge(sender, fault, kind)
         else:
             upload.items.append(item)
@@ -158,7 +168,13 @@ class MissionProtocol:
         self._acknowledge(_sender(message), result, message.mission_type)
 
     def _finish_upload(self, upload: _Upload) -> None:
-        self._upload = None
+        self._uploads.pop(upload.kind, None)
+        fault = fence_fault(upload.items) if upload.kind is MissionKind.FENCE else None
+        if fault is not None:
+            self._acknowledge(upload.sender, dialect.MAV_MISSION_ERROR, upload.kind)
+            self._vehicle.say(*fault)
+            self._vehicle.say(Severity.WARNING, "Fence validation failed")
+            return
         self._store(upload.kind, upload.items)
         self._acknowledge(upload.sender, dialect.MAV_MISSION_ACCEPTED, upload.kind)
         if upload.kind is MissionKind.MISSION:
@@ -175,7 +191,7 @@ class MissionProtocol:
 
     def _send_count(self, message: Message, kind: MissionKind) -> None:
         sender = _sender(message)
-        if self._upload is not None:
+        if kind in self._uploads:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
             return
         count = len(self._mission if kind is MissionKind.MISSION else self._others[kind])
@@ -189,7 +205,7 @@ class MissionProtocol:
 
     def _send_as(self, form: Form, message: Message, kind: MissionKind) -> None:
         sender, item = _sender(message), self._item(kind, message.seq)
-        if self._upload is not None:
+        if kind in self._uploads:
             self._acknowledge(sender, dialect.MAV_MISSION_DENIED, kind)
         elif item is None:
             self._acknowledge(sender, dialect.MAV_MISSION_INVALID_SEQUENCE, kind)
@@ -208,16 +224,12 @@ class MissionProtocol:
         if self._mission.set_current(seq):
             self._send(self._telemetry.mission_current())
 
-    def _clear_all(self, message: Message) -> None:
-        """Clear one kind, or all of them."""
-        kinds = [kind for kind in MissionKind if message.mission_type in (kind, dialect.MAV_MISSION_TYPE_ALL)]
-        if not kinds:
-            self._refuse(message)
-            return
-        self._upload = None
-        for kind in kinds:
+    def _clear_all(self, message: Message, kind: MissionKind) -> None:
+        """Clear one kind; ArduPilot knows no MAV_MISSION_TYPE_ALL."""
+        sender = _sender(message)
+        if self._cancels(sender, kind):
             self._store(kind, [])
-        self._acknowledge(_sender(message), dialect.MAV_MISSION_ACCEPTED, message.mission_type)
+            self._acknowledge(sender, dialect.MAV_MISSION_ACCEPTED, kind)
 
     def _acknowledge(self, sender: Sender, result: int, mission_type: int) -> None:
         self._send(dialect.MAVLink_mission_ack_message(*sender, result, mission_type))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 HEARTBEAT_INTERVAL_US = 1_000_000
-INTERVAL_MIN_US = 2500
-"""The control loop's period: nothing goes out faster."""
+INTERVAL_MIN_US = 3000
+"""ArduPilot denies what is faster with a loop of 400 Hz (``GCS_MAVLINK::cap_message_interval``)."""
 INTERVAL_MAX_US = 60_000_000
 """What is asked for more rarely comes so often, as ArduPilot's."""
 DISABLED = -1

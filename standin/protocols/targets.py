@@ -117,7 +117,7 @@ def location_from(
     """Return a location of a MAVLink frame with its height above sea level; None if it is not sane."""
     if frame not in tuple(MissionFrame) or frame == MissionFrame.MISSION:
         return None
-    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and abs(alt_m) <= ALT_MAX_M):
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and abs(alt_m) < ALT_MAX_M):
         return None
     above_m = vehicle.home_or_origin.alt_amsl_m if frame in RELATIVE_FRAMES else 0.0
     return Location(lat_deg, lon_deg, alt_m + above_m)

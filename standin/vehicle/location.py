@@ -12,8 +12,8 @@ from math import cos, radians
 
 METRES_PER_DEGREE = 0.011131884502145034 * 1e7
 LONGITUDE_SCALE_MIN = 0.01
-ALT_MAX_M = 1e5
-"""Heights beyond are mistakes, and do not fit MAVLink's millimetres for long."""
+ALT_MAX_M = 83_000.0
+"""ArduPilot takes no height from here on (LOCATION_ALT_MAX_M)."""
 
 
 @dataclass(frozen=True, slots=True)

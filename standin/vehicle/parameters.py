@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from math import isfinite
+from math import copysign, isfinite
 from typing import NamedTuple
 
 
@@ -16,6 +16,8 @@ class ParameterType(IntEnum):
     REAL32 = 9
 
 
+CUT_MARGIN = 0.01
+"""ArduPilot cuts what it gets for a whole number, this much further from zero (``AP_Param::set_float``)."""
 _BITS = {ParameterType.INT8: 8, ParameterType.INT16: 16, ParameterType.INT32: 32}
 
 
@@ -81,7 +83,7 @@ class StandinParameters:
             raise UnknownParameterError(name) from None
 
     def set(self, name: str, value: float) -> float:
-        """Set a value, rounded and limited to its type; return what was stored.
+        """Set a value, cut to a whole number and limited where its type is; return what was stored.
 
         Raises:
             UnknownParameterError: no such name.
@@ -92,7 +94,7 @@ class StandinParameters:
             raise ValueError(f"{name}: {value} is not a finite number")
         if row.type in _BITS:
             half = 1 << (_BITS[row.type] - 1)
-            value = float(max(-half, min(half - 1, round(value))))
+            value = float(max(-half, min(half - 1, int(value + copysign(CUT_MARGIN, value)))))
         self._values[name] = value
         self.revision += 1
         return value

@@ -33,6 +33,9 @@ FRAMES: Final = {
     "amsl": int(mavlink.MAV_FRAME_GLOBAL),
     "terrain": int(mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT),
 }
+CENTIMETRE_M: Final = 0.01
+"""It keeps heights in whole ones."""
+LEAST_HEIGHT_M: Final = 0.1
 SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
 _SPELLING: Final = {
     "FLY_BY_WIRE_A": "FBWA",
@@ -139,6 +142,8 @@ class ArduPilotStack:
             yaw = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), target.yaw_deg % 360.0)
             steps.append(optional(yaw))
         hint = "no position yet, a point beyond its fence, or a height over terrain that it has no data of"
+        if target.frame != "amsl" and abs(target.place[2]) < CENTIMETRE_M:
+            hint = f"ArduPilot takes a height of 0 for the present one, and denies that; {LEAST_HEIGHT_M} m is one"
         return Manoeuvre(tuple(steps), ("GUIDED",), refusal_hint=hint)
 
     def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:

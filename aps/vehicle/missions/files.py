@@ -1,7 +1,8 @@
 """Files of missions: QGroundControl's .plan (JSON) and the waypoint files of MAVProxy and Mission Planner.
 
-A .plan has mission, fence and rally points, a waypoint file a mission only. Home, which both have, is no item. What an
-item does not give is null in a .plan, and 0 in a waypoint file.
+A .plan has mission, fence and rally points, a waypoint file a mission only. Home, which both have, is no item, but
+their jumps (DO_JUMP) count it as 0: ``jumps_moved`` is for autopilots that do not. What an item does not give is null
+in a .plan, and 0 in a waypoint file.
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html, https://mavlink.io/en/file_formats/)
 """
 
@@ -14,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from aps.vehicle.missions.items import MissionItem
-from aps.wire.dialect import mavlink
+from aps.wire.dialect import enum_label, mavlink
 
-__all__ = ["FlightPlan", "read_plan", "read_waypoints", "write_plan", "write_waypoints"]
+__all__ = ["FlightPlan", "jumps_moved", "read_plan", "read_waypoints", "write_plan", "write_waypoints"]
 
 Place = tuple[float, float, float]
 WAYPOINT_HEADER: Final = "QGC WPL 110"
@@ -27,6 +28,11 @@ _VERTEX_OUT: Final = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION)
 _CIRCLE_IN: Final = int(mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION)
 _CIRCLE_OUT: Final = int(mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION)
 _RALLY: Final = int(mavlink.MAV_CMD_NAV_RALLY_POINT)
+_ABOVE_HOME: Final = (
+    int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT),
+    int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT),
+)
+_JUMP: Final = int(mavlink.MAV_CMD_DO_JUMP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,11 @@ class FlightPlan:
     rally: list[MissionItem] = field(default_factory=list)
     home: Place | None = None
     """Where the plan was drawn around: latitude, longitude, degrees; height above mean sea level, m."""
+
+
+def jumps_moved(mission: Sequence[MissionItem], by: int) -> list[MissionItem]:
+    """The same items, each DO_JUMP leading to one that has a number higher ``by``."""
+    return [item.jumping_to(item.params[0] + by) if item.command == _JUMP else item for item in mission]
 
 
 def read_waypoints(text: str) -> FlightPlan:
@@ -104,11 +115,8 @@ def read_plan(text: str) -> FlightPlan:
     if not isinstance(plan, Mapping) or plan.get("fileType") != "Plan":
         raise ValueError('a plan has "fileType": "Plan"')
     mission = _mapping(plan, "mission")
-    items = [
-        item for index, one in enumerate(_list(mission, "items")) for item in _items(one, f"item {index}")
-    ]
     return FlightPlan(
-        mission=items,
+        mission=_mission(_list(mission, "items")),
         fence=_fence(_mapping(plan, "geoFence")),
         rally=[_rally(place) for place in _list(_mapping(plan, "rallyPoints"), "points")],
         home=_home(mission.get("plannedHomePosition")),
@@ -146,6 +154,30 @@ def _numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
 
 def _home(place: Any) -> Place | None:
     return None if place is None else _numbers(place, 3, "plannedHomePosition")  # type: ignore[return-value]
+
+
+def _mission(listed: list[Any]) -> list[MissionItem]:
+    """The items of a mission; its jumps, which name a ``doJumpId``, lead to numbers (home is 0)."""
+    items: list[MissionItem] = []
+    numbers: dict[Any, int] = {}
+    for index, one in enumerate(listed):
+        found = _items(one, f"item {index}")
+        if one.get("type") != "ComplexItem":
+            first = len(items) + 1
+            jump_id = one.get("doJumpId", first)
+            if isinstance(jump_id, bool) or not isinstance(jump_id, int):
+                raise ValueError(f"item {index}: doJumpId is a whole number, not {jump_id!r:.40}")
+            numbers.setdefault(jump_id, first)
+        items += found
+    return [_resolved(item, numbers) for item in items]
+
+
+def _resolved(item: MissionItem, numbers: Mapping[Any, int]) -> MissionItem:
+    if item.command != _JUMP:
+        return item
+    if item.params[0] not in numbers:
+        raise ValueError(f"a DO_JUMP leads to doJumpId {item.params[0]:g}, and no item has that")
+    return item.jumping_to(numbers[item.params[0]])
 
 
 def _items(one: Any, where: str) -> list[MissionItem]:
@@ -222,10 +254,17 @@ def write_plan(plan: FlightPlan, vehicle_type: int = 2, autopilot: int = 3) -> s
         "geoFence": {"version": 2} | _fence_json(plan.fence),
         "rallyPoints": {
             "version": 2,
-            "points": [_numbers(list(item.params[4:]), 3, "a rally point") for item in plan.rally],
+            "points": [_point(item) for item in plan.rally],
         },
     }
     return json.dumps(content, indent=4, allow_nan=False) + "\n"
+
+
+def _point(item: MissionItem) -> tuple[float, ...]:
+    if item.frame not in _ABOVE_HOME:
+        frame = enum_label("MAV_FRAME", item.frame)
+        raise ValueError(f"a plan has rally points above home, and one of {frame} is none")
+    return _numbers(list(item.params[4:]), 3, "a rally point")
 
 
 def _simple(item: MissionItem, number: int) -> dict[str, Any]:

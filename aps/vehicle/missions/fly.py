@@ -120,10 +120,15 @@ def set_current(state: VehicleState, seq: int) -> CommandPlan:
         state: the UA now.
         seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1, PX4: 0).
     """
+    step = _current_step(state, seq)
+    goals = (
+        seq,
+        max(seq, first_seq(KINDS["mission"], state.autopilot)),
+    )  # ArduPilot takes home for the first item
     return CommandPlan(
         "mission_set_current",
-        (_current_step(state, seq),),
-        lambda now: now.mission_current == seq,
+        (step,),
+        lambda now: now.mission_current in goals,
         MODE_TIMEOUT_S,
         occupies="",
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from aps.vehicle.autopilots.choice import autopilot_of
@@ -113,7 +113,7 @@ class MissionItem:
             _whole("MAV_CMD", item["command"]),
             tuple(_number(value) for value in params),  # type: ignore[arg-type]
             _whole("MAV_FRAME", item["frame"]) if "frame" in item else BY_COMMAND,
-            bool(item.get("autocontinue", True)),
+            _truth(item.get("autocontinue", True)),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -147,6 +147,10 @@ class MissionItem:
         if self.is_global:
             return DEGREES
         return TENTHS_OF_MM if self.frame in _LOCAL and has_location(self.command) else 1.0
+
+    def jumping_to(self, number: float) -> MissionItem:
+        """The same DO_JUMP to another item."""
+        return replace(self, params=(float(number), *self.params[1:]))
 
     def _or_0(self, index: int) -> float:
         value = self.params[index]
@@ -203,6 +207,12 @@ def _whole(enum: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ValueError(f"{value!r} is no number and no name of a {enum}")
     return value
+
+
+def _truth(value: Any) -> bool:
+    if value not in (True, False):  # 0 and 1 are equal to these
+        raise ValueError(f"autocontinue is true or false, not {value!r}")
+    return bool(value)
 
 
 def _number(value: Any) -> float:

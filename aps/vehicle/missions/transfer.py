@@ -7,13 +7,16 @@ that runs by the instants that are passed in. (https://mavlink.io/en/services/mi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aps.timeouts import TRANSFER_TIMEOUTS_S
+from aps.timeouts import REASON_GRACE_S, TRANSFER_TIMEOUTS_S
 from aps.vehicle.autopilots.choice import autopilot_of
+from aps.vehicle.commands import reasons
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
+from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 
@@ -35,6 +38,10 @@ _DENIED: Final = int(mavlink.MAV_MISSION_DENIED)
 _CANCELLED: Final = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
 _SEQUENCE: Final = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 _ERROR: Final = int(mavlink.MAV_MISSION_ERROR)
+_CHECKS: Final = "PreArm:"
+"""Begins what ArduPilot says of them."""
+_NEEDED: Final = {"fence": 1, "rally": 7}
+"""Parameters that have to be numbers: radius or number of vertices, and height. NaN ends a simulated ArduPilot."""
 MAX_BEGINNINGS: Final = 3
 """How often an upload is begun whose acknowledgement is lost each time."""
 
@@ -65,6 +72,14 @@ class _Transfer(Execution):
         self._due_at_ns: int | None = None
         self._tries = 0
         self._now: list[Any] = []
+        self._refusal = ""
+        """Why it was refused, while the autopilot may still add words to that."""
+        self._texts: list[StatusText] = []
+
+    def on_text(self, text: StatusText) -> None:
+        """What it says to the transfer, but for its checks before arming, which it repeats."""
+        if not text.text.startswith(_CHECKS):
+            self._texts.append(text)
 
     def _say(self, message: Any, now_ns: int, *, tries: int = 0) -> None:
         """Say something, now and until something else is said."""
@@ -74,7 +89,9 @@ class _Transfer(Execution):
         self._due_at_ns = now_ns + round(TRANSFER_TIMEOUTS_S[tries] * NS_PER_S)
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
-        if self._due_at_ns is None:
+        if self._refusal:
+            self._end_refused(now_ns)
+        elif self._due_at_ns is None:
             self._begin(state, now_ns)
         elif now_ns >= self._due_at_ns and not self._now:
             if self._tries >= len(TRANSFER_TIMEOUTS_S):
@@ -93,17 +110,28 @@ class _Transfer(Execution):
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
         """A message of the protocol, of this kind of list."""
-        if self.result is not None or self._due_at_ns is None or fields.get("mission_type", 0) != self._kind:
+        if (
+            self.result is not None
+            or self._refusal
+            or self._due_at_ns is None
+            or fields.get("mission_type", 0) != self._kind
+        ):
             return
         if name == "MISSION_ACK":
             self._on_ack(int(fields["type"]), now_ns)
         else:
             self._on_answer(name, fields, now_ns)
 
-    def _refused(self, result: int) -> None:
+    def _refused(self, result: int, now_ns: int) -> None:
         hint = " (another transfer is under way)" if result == _DENIED else ""
         label = enum_label("MAV_MISSION_RESULT", result).removeprefix("MAV_MISSION_")
-        self.refuse(f"{label}{hint}{self._place()}")
+        self._refusal = f"{label}{hint}{self._place()}"
+        self._due_at_ns = now_ns + round(REASON_GRACE_S * NS_PER_S)
+
+    def _end_refused(self, now_ns: int) -> None:
+        if now_ns >= (self._due_at_ns or 0):
+            words = "; ".join(reasons(self._texts))
+            self.refuse(f"{self._refusal}: {words}" if words else self._refusal)
 
     def _place(self) -> str:
         """Where a transfer was when it was refused, if that says something."""
@@ -115,9 +143,9 @@ class _Transfer(Execution):
     def _on_answer(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:
         raise NotImplementedError
 
-    def _on_ack(self, result: int, now_ns: int) -> None:  # noqa: ARG002
+    def _on_ack(self, result: int, now_ns: int) -> None:
         if result != _ACCEPTED:
-            self._refused(result)
+            self._refused(result, now_ns)
 
     def _progress(self) -> str:
         return self._words
@@ -207,7 +235,7 @@ class UploadExecution(_Transfer):
         elif result == _ERROR and (self._may_be_late or self._repeats):
             self._not_expected(now_ns)
         elif result != _SEQUENCE:  # the answer to an item that came twice: it asks again for the one it wants
-            self._refused(result)
+            self._refused(result, now_ns)
 
     def _not_expected(self, now_ns: int) -> None:
         """No refusal for certain: the autopilot was not receiving when an item came, so it is offered the list anew.
@@ -335,7 +363,8 @@ class ClearExecution(_Transfer):
 
     def _on_ack(self, result: int, now_ns: int) -> None:
         super()._on_ack(result, now_ns)
-        self.end(Outcome.REACHED)
+        if result == _ACCEPTED:
+            self.end(Outcome.REACHED)
 
 
 def upload(state: VehicleState, items: list[Any], kind: str = "mission") -> UploadExecution:
@@ -353,6 +382,9 @@ def upload(state: VehicleState, items: list[Any], kind: str = "mission") -> Uplo
     for number, item in enumerate(read):
         if kind != "mission" and item.is_global and not item.is_placed:
             raise ValueError(f"item {number}: a {kind} item needs a latitude and a longitude, not both 0")
+        if kind in _NEEDED and math.isnan(item.params[_NEEDED[kind] - 1]):
+            command = enum_label("MAV_CMD", item.command)
+            raise ValueError(f"item {number}: {command} needs its parameter {_NEEDED[kind]}")
         if item.lacks_place and not autopilot.zero_is_here:
             command = enum_label("MAV_CMD", item.command)
             raise ValueError(

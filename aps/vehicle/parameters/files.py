@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from aps.vehicle.parameters.transfer import as_float32, checked_name
 
 __all__ = ["ParameterDifference", "compare", "read_parameters", "write_parameters"]
+
+
+_FLAG: Final = "@"
+"""Begins what ArduPilot's own defaults have behind a value: ``@READONLY``."""
+WHOLE_MAX: Final = 2**32 - 1
+"""The largest number of a whole parameter (MAV_PARAM_TYPE_UINT32)."""
 
 
 class ParameterDifference(NamedTuple):
@@ -33,7 +39,7 @@ def read_parameters(text: str) -> dict[str, float]:
         if len(words) == 5 and words[0].isdigit() and words[1].isdigit():
             words = words[2:4]  # QGroundControl: system, component, name, value, type
         try:
-            if len(words) < 2:
+            if len(words) != 2 and (len(words) < 2 or not words[2].startswith(_FLAG)):
                 raise ValueError("a name and a value are expected")
             value = float(words[1])
             if not math.isfinite(value):
@@ -51,7 +57,9 @@ def write_parameters(values: Mapping[str, float]) -> str:
 
 
 def _shortest(value: float) -> str:
-    """The shortest decimals that are the same four-byte float."""
+    """A whole number as it is (PX4 keeps 32 bits of it), else the shortest decimals of the same four-byte float."""
+    if value.is_integer() and abs(value) <= WHOLE_MAX:
+        return f"{value:.0f}"
     for digits in range(6, 10):
         text = f"{value:.{digits}g}"
         if as_float32(float(text)) == as_float32(value):
@@ -60,10 +68,16 @@ def _shortest(value: float) -> str:
 
 
 def compare(ours: Mapping[str, float], theirs: Mapping[str, float]) -> list[ParameterDifference]:
-    """What differs as four-byte floats, sorted by name."""
+    """What differs, whole numbers exactly and others as four-byte floats; sorted by name."""
     found = []
     for name in sorted(ours.keys() | theirs.keys()):
         mine, other = ours.get(name), theirs.get(name)
-        if mine is None or other is None or as_float32(mine) != as_float32(other):
+        if mine is None or other is None or not _is_same(mine, other):
             found.append(ParameterDifference(name, mine, other))
     return found
+
+
+def _is_same(one: float, other: float) -> bool:
+    if one.is_integer() and other.is_integer() and max(abs(one), abs(other)) <= WHOLE_MAX:
+        return one == other
+    return as_float32(one) == as_float32(other)

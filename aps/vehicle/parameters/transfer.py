@@ -22,7 +22,9 @@ __all__ = ["GetExecution", "ListExecution", "SetExecution", "get", "set_all", "s
 NAME_CHARS: Final = 16
 GAPS_AT_ONCE: Final = 10
 """Missing parameters that are asked for together."""
-
+MAX_CHANGES: Final = 16
+"""How often a list is begun anew whose length changes: each change may count thrice, with what is late."""
+NO_INDEX: Final = 0xFFFF
 FEEDBACK_PARAMETERS: Final = 100
 _LAYOUTS: Final = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}
 """MAV_PARAM_TYPE of whole numbers -> its layout in the four bytes of a value."""
@@ -198,10 +200,15 @@ class SetExecution(_Asking):
         name, wanted = self._wanted[self._at]
         kind = int(fields["param_type"])
         low, high = _LIMITS.get(kind, (-math.inf, math.inf))
+        sent = wanted if _is_bytewise(kind, self._autopilot) else as_float32(wanted)
         if not low <= wanted <= high or (kind in _LIMITS and wanted != round(wanted)):
             self.refuse(f"{name} is a whole number in {low:g}..{high:g}: {wanted!r} is none")
-        elif value == (wanted if _is_bytewise(kind, self._autopilot) else as_float32(wanted)):
+        elif value == sent:
             self._next(name)
+        elif kind in _LIMITS and sent != wanted:  # of 2**31, ArduPilot's conversion is not defined
+            self.refuse(
+                f"{name} is sent as a four-byte float, which cannot hold {wanted:.0f}: {sent:.0f} is next"
+            )
         elif self._kind is None:
             self._kind, self._tries, self._due_at_ns = kind, 0, 0
         else:
@@ -216,7 +223,9 @@ class SetExecution(_Asking):
 class ListExecution(_Asking):
     """Gets all parameters: the result's value is name -> number, in the autopilot's order.
 
-    The autopilot sends its list; what is missing after a moment of silence is asked for by its number.
+    The autopilot sends its list; what is missing after a moment of silence is asked for by its number. Where it is seen
+    to have more or less parameters than before (ArduPilot, when somebody enables a part of it), the numbers are others
+    now, and it is asked for the list anew.
     """
 
     def __init__(self, state: VehicleState) -> None:
@@ -225,6 +234,10 @@ class ListExecution(_Asking):
         self._found: dict[int, tuple[str, float]] = {}
         self._asked: set[int] = set()
         """Numbers of those that are asked for one by one."""
+        self._listing = True
+        """Whether the list is to be asked for."""
+        self._changes = 0
+        """Of the count."""
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:  # noqa: ARG002
         if self._count is not None and len(self._found) >= self._count:
@@ -236,7 +249,7 @@ class ListExecution(_Asking):
         if not self._try(now_ns):
             self.end(Outcome.TIMED_OUT, f"no answer after {self._tries} tries ({self._progress()})")
             return []
-        if self._count is None:
+        if self._count is None or self._listing:
             return [mavlink.MAVLink_param_request_list_message(self._sysid, AUTOPILOT_COMPID)]
         missing = [index for index in range(self._count) if index not in self._found][:GAPS_AT_ONCE]
         self._asked = set(missing)
@@ -247,9 +260,12 @@ class ListExecution(_Asking):
         if name != "PARAM_VALUE":
             return
         count, index = int(fields["param_count"]), int(fields["param_index"])
-        if not 0 < count < 0xFFFF or index >= count:
+        if not 0 < count < NO_INDEX:
+            return
+        self._counted(count)
+        if index >= count:
             return  # of a question by name: ArduPilot numbers that -1
-        self._count = count
+        self._listing = False
         fresh = index not in self._found
         value = decoded(fields, self._autopilot)
         self._found[index] = (str(fields["param_id"]), value)
@@ -260,6 +276,15 @@ class ListExecution(_Asking):
             self._due_at_ns = now_ns + (0 if last_asked else round(PARAMETER_GAP_S * NS_PER_S))
         if fresh and len(self._found) % FEEDBACK_PARAMETERS == 0:
             self.tell("feedback", self._progress(), done=len(self._found), total=count)
+
+    def _counted(self, count: int) -> None:
+        """There are so many, it says. What is late of a list before looks like a change, there and back."""
+        if self._count not in (None, count) and self._changes < MAX_CHANGES:
+            self._changes += 1
+            self._found.clear()
+            self._asked.clear()
+            self._listing, self._tries, self._due_at_ns = True, 0, 0
+        self._count = count
 
     def _progress(self) -> str:
         return f"{len(self._found)} of {'?' if self._count is None else self._count} parameters"

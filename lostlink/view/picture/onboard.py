@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from aps.vehicle.missions.items import MissionItem
 from aps.vehicle.missions.overheard import OVERHEARD, Overheard
-from aps.vehicle.status_text import STATUSTEXT_ID, StatusTextAssembler
+from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
 from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, enum_label, mavlink, message_fields
 from aps.wire.framer import Frame
 
@@ -101,14 +101,16 @@ class Onboard:
     def take(self, sim_time_ns: int, frame: Frame, *, to_autopilot: bool) -> None:
         """Take a frame that `Sieve` lets through."""
         self.changes += 1
+        self._add(sim_time_ns, self._chunks.overdue(sim_time_ns))
         if frame.msg_id in OVERHEARD:
             self._overheard.take(frame, to_autopilot=to_autopilot)
         elif frame.msg_id == STATUSTEXT_ID:
-            text = self._chunks.take(frame)
-            if text is not None:
-                self.texts.append(AutopilotText(sim_time_ns, text.severity, text.text))
+            self._add(sim_time_ns, self._chunks.take(frame, sim_time_ns))
         elif fields := message_fields(frame.raw):
             self._handlers[frame.msg_id](fields)
+
+    def _add(self, sim_time_ns: int, texts: list[StatusText]) -> None:
+        self.texts.extend(AutopilotText(sim_time_ns, text.severity, text.text) for text in texts)
 
     def _take_heartbeat(self, fields: Fields) -> None:
         self._autopilot = int(fields["autopilot"])

@@ -208,6 +208,22 @@ PLAN = {
 }
 
 
+@pytest.mark.parametrize(
+    ("verb", "arguments", "at"),
+    [
+        ("parameter_set", {"name": "RTL_ALT", "value": True}, ["body", "value"]),
+        ("parameter_set", {"name": "RTL_ALT", "value": "1600"}, ["body", "value"]),
+        ("parameters_set", {"values": {"RTL_ALT": False}}, ["body", "values", "RTL_ALT"]),
+        ("mission_set_current", {"seq": True}, ["body", "seq"]),
+        ("disarm", {"force": "no"}, ["body", "force"]),
+    ],
+)
+async def test_what_is_no_number_is_not_taken_for_one(call, keeping, verb, arguments, at):
+    status, reply = await call("POST", f"/commands/{verb}", arguments)
+    assert (status, [one["loc"] for one in reply["detail"]]) == (422, [at])
+    assert keeping.parameters["RTL_ALT"] == 1500.0
+
+
 async def test_plans_and_waypoint_files_up_and_down(call, keeping):
     status, reply = await call("PUT", "/plan", PLAN)
     assert (status, reply) == (200, {"mission": 25, "fence": 1, "rally": 1})
@@ -225,6 +241,26 @@ async def test_plans_and_waypoint_files_up_and_down(call, keeping):
     assert (status, reply) == (200, {"mission": 25})
     status, reply = await call("PUT", "/waypoints", b"QGC WPL 110\nnonsense")
     assert (status, reply["detail"]) == (422, "line 2: 12 columns are expected, not 1")
+
+
+@pytest.mark.parametrize(("kind", "target"), [(3, 2), (12, 1)])
+async def test_jumps_in_files_count_home_whatever_the_autopilot_does(
+    call, keeping, daemon, eventually, kind, target
+):
+    """As in QGroundControl (PlanManager::writeMissionItems): PX4, which has no home in its missions, gets one less."""
+    keeping.kind = kind
+    await eventually(lambda: daemon.state.autopilot == kind)
+    jump = {"type": "SimpleItem", "command": 177, "frame": 2, "params": [2, 3, 0, 0, 0, 0, 0], "doJumpId": 3}
+    plan = {"fileType": "Plan", "mission": {"items": [*PLAN["mission"]["items"][:2], jump]}}
+    status, reply = await call("PUT", "/plan", plan)
+    assert (status, reply["mission"], keeping.items[0][-1].param1) == (200, 3, target)
+    _, plan = await call("GET", "/plan")
+    assert plan["mission"]["items"][-1]["params"][:2] == [2, 3]
+    _, text = await call("GET", "/waypoints")
+    assert float(text.splitlines()[-1].split()[4]) == 2.0
+    keeping.items[0] = []
+    assert await call("PUT", "/waypoints", text.encode()) == (200, {"mission": 3})
+    assert keeping.items[0][-1].param1 == target
 
 
 async def test_places_that_are_not_given_in_files(call, keeping):

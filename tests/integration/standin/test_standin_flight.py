@@ -518,7 +518,7 @@ def deaf_client_of_a_served_autopilot(
             deaf.connect(("127.0.0.1", served.mavlink_port))
             codec = dialect.MAVLink(None, 255, 190)
             for message_id in range(256):  # those that it has not it refuses
-                request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 2500, 0, 0, 0, 0, 0)
+                request = dialect.MAVLink_command_long_message(1, 1, 511, 0, message_id, 3000, 0, 0, 0, 0, 0)
                 deaf.sendall(request.pack(codec))
             yield served, udp, deaf
         finally:

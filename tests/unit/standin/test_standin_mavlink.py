@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from standin import cli
 from standin.autopilot import Autopilot
 from standin.vehicle.auto import Auto
+from standin.vehicle.events import Severity
 from standin.vehicle.location import Location
 from standin.vehicle.parameters import (
     StandinParameters,
@@ -232,9 +233,10 @@ def test_unknown_commands_modes_and_targets(ready: Bench) -> None:
     assert texts(answer) == ["No such mode 99"]
     assert results(ready.command(176, 0, GUIDED)) == [(176, 2)]
     assert ready.say(dialect.MAVLink_command_long_message(8, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
-    assert ready.say(dialect.MAVLink_command_long_message(7, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0)) == []
     assert not ready.autopilot.vehicle.armed
-    assert ready.autopilot.mavlink.ignored["other_target"] == 2
+    assert ready.autopilot.mavlink.ignored["other_target"] == 1
+    answer = ready.say(dialect.MAVLink_command_long_message(7, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert results(answer) == [(400, 0)], "a component that is not there: MAVLink_routing::check_and_forward"
 
 
 def test_set_mode_message_changes_the_mode_without_acknowledgement(ready: Bench) -> None:
@@ -259,6 +261,40 @@ def test_reposition_is_taken_as_command_int_only(ready: Bench) -> None:
     assert results(ready.say(message)) == [(192, 0)]
     bad = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, 950010000, 100010000, 20)
     assert results(ready.say(bad)) == [(192, 2)]
+    before = ready.autopilot.vehicle.mode
+    for lat, lon, alt in ((0, 0, 20), (450010000, 100010000, 0)):  # Location::sanitize
+        bad = dialect.MAVLink_command_int_message(7, 1, 6, 192, 0, 0, -1, 1, 0, 0, lat, lon, alt)
+        assert results(ready.say(bad)) == [(192, 2)]
+    assert ready.autopilot.vehicle.mode is before
+    level = dialect.MAVLink_command_int_message(7, 1, 5, 192, 0, 0, -1, 1, 0, 0, 450010000, 100010000, 0)
+    assert results(ready.say(level)) == [(192, 0)], "the sea's level is a height"
+
+
+@pytest.mark.parametrize(("interval_us", "result"), [(1, 2), (2999, 2), (3000, 0), (-1, 0), (0, 0)])
+def test_rates_beyond_the_loop_are_denied_as_by_arducopter(
+    ready: Bench, interval_us: float, result: int
+) -> None:
+    answer = ready.command(511, 33, interval_us)
+    assert results(answer) == [(511, result)]
+    words = ["Requested rate for message ID 33 too fast. Increas", "e SCHED_LOOP_RATE"]
+    assert texts(answer) == (words if result else [])
+
+
+@pytest.mark.parametrize("length", [50, 51, 100, 127])
+def test_long_texts_are_sent_in_chunks(ready: Bench, length: int) -> None:
+    ready.autopilot.vehicle.say(Severity.INFO, "x" * length)
+    told = [m for m in ready.turn() if m.get_type() == "STATUSTEXT"]
+    assert "".join(m.text for m in told) == "x" * length
+    assert [(m.id, m.chunk_seq) for m in told] == [(int(length > 50), number) for number in range(len(told))]
+    assert (len(told) == 1) == (length == 50)
+    assert length == 50 or len(told[-1].text) < 50, "this is the end"
+
+
+def test_disarming_is_forced_by_one_number_alone(ready: Bench) -> None:
+    in_the_air(ready)
+    assert results(ready.command(400, 0, 2989)) == [(400, 4)]
+    assert ready.autopilot.vehicle.armed
+    assert results(ready.command(400, 0, 21196)) == [(400, 0)]
 
 
 def test_home_is_told_when_the_vehicle_arms(ready: Bench) -> None:
@@ -575,8 +611,9 @@ def test_parameter_read_and_set(ready: Bench) -> None:
     assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"NOPE", 1.0, 9)) == []
     assert read("WPNAV_SPEED") == [650.0]
     assert read("NOPE") == []
-    answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"RTL_ALT", 2000.6, 6))
-    assert [m.param_value for m in answer] == [2001.0]
+    for value, kept in ((2000.6, 2000.0), (2000.995, 2001.0), (-2.7, -2.0)):  # as AP_Param::set_float
+        answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"RTL_ALT", value, 6))
+        assert [m.param_value for m in answer] == [kept]
     assert read("MAV_SYSID") == [7.0]
 
 
@@ -592,9 +629,17 @@ def test_unknown_parameters_and_values_are_a_callers_mistake() -> None:
 # --- missions ---
 
 
-def item(seq: int, command: int = 16, frame: int = 3, lat: int = 450_000_000, lon: int = 100_000_000) -> Any:
+def item(
+    seq: int,
+    command: int = 16,
+    frame: int = 3,
+    lat: int = 450_000_000,
+    lon: int = 100_000_000,
+    alt: float = 20.0,
+    parameters: tuple[float, ...] = (0, 0, 0, 0),
+) -> Any:
     return dialect.MAVLink_mission_item_int_message(
-        7, 1, seq, frame, command, 0, 1, 0, 0, 0, 0, lat, lon, 20.0, 0
+        7, 1, seq, frame, command, 0, 1, *parameters, lat, lon, alt, 0
     )
 
 
@@ -638,6 +683,13 @@ def test_mission_upload_download_and_clear(ready: Bench) -> None:
         (item(1, lat=910_000_000), 10),
         (item(1, lon=1_900_000_000), 11),
         (item(5), 13),
+        (item(1, alt=83_000.0), 12),
+        (item(1, parameters=(math.nan, 0, 0, 0)), 6),
+        (item(1, parameters=(0, math.nan, 0, 0)), 7),
+        (item(1, parameters=(0, 0, math.nan, 0)), 8),
+        (item(1, parameters=(0, 0, 0, math.inf)), 9),
+        (item(1, 19, parameters=(0, 0, 0, math.nan)), 9),
+        (item(1, 178, frame=2, parameters=(1, 5, 0, math.nan)), 9),
     ],
 )
 def test_bad_items_are_refused_and_change_nothing(ready: Bench, bad: Any, result: int) -> None:
@@ -646,6 +698,12 @@ def test_bad_items_are_refused_and_change_nothing(ready: Bench, bad: Any, result
     ready.say(item(0))
     assert [m.type for m in ready.say(bad)] == [result]
     assert len(ready.autopilot.vehicle.mission) == 2
+
+
+@pytest.mark.parametrize("command", [16, 21, 22])
+def test_a_yaw_may_be_left_open_as_in_arducopter(ready: Bench, command: int) -> None:
+    answer = upload(ready, [item(0), item(1, command, parameters=(0, 0, 0, math.nan))])
+    assert (answer[0].get_type(), answer[0].type) == ("MISSION_ACK", 0)
 
 
 def test_home_can_be_read_without_a_mission(ready: Bench) -> None:
@@ -673,7 +731,9 @@ def test_old_clients_upload_items_with_degrees(ready: Bench) -> None:
 
 def test_an_upload_asks_again_and_is_given_up(ready: Bench) -> None:
     ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 0))
-    heard = [m for m in ready.run(10.0) if m.get_type().startswith("MISSION")]
+    told = ready.run(10.0)
+    assert texts(told) == ["Mission upload timeout"]
+    heard = [m for m in told if m.get_type().startswith("MISSION")]
     assert {(m.get_type(), getattr(m, "seq", None)) for m in heard[:-1]} == {("MISSION_REQUEST", 0)}
     assert 6 <= len(heard) - 1 <= 8
     assert (heard[-1].get_type(), heard[-1].type) == ("MISSION_ACK", dialect.MAV_MISSION_OPERATION_CANCELLED)
@@ -688,14 +748,83 @@ FENCE, RALLY, ALL = 1, 2, 255
 
 
 def of_kind(kind: int, seq: int, command: int, **changes: Any) -> Any:
-    message = item(seq, command, frame=5, **changes)
+    message = item(seq, command, **{"frame": 5, **changes})
     message.mission_type = kind
     return message
 
 
+def corner(seq: int, vertices: float, command: int = 5001) -> Any:
+    return of_kind(FENCE, seq, command, lat=450_000_000 + 1000 * seq, parameters=(vertices, 0, 0, 0))
+
+
+def circle(seq: int, radius_m: float) -> Any:
+    return of_kind(FENCE, seq, 5003, parameters=(radius_m, 0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("fence", "text"),
+    [
+        ([corner(seq, 2) for seq in range(2)], "Invalid vertex count (2)"),
+        ([corner(seq, 3) for seq in range(4)], "Incorrect item count"),
+        ([corner(seq, 5) for seq in range(4)], "Incorrect item count"),
+        ([corner(0, 4), corner(1, 3)], "Unexpected vertex count want=4 got=3"),
+        ([corner(0, 3), corner(1, 3), corner(2, 3, 5002)], "Received incorrect vertex type"),
+        ([corner(0, 3), circle(1, 9.0)], "Received incorrect type"),
+        ([circle(0, 0.0)], "Non-positive circle radius"),
+        ([of_kind(FENCE, 0, 5000), of_kind(FENCE, 1, 5000)], "Multiple return points"),
+    ],
+)
+def test_a_fence_that_arducopter_refuses_is_refused_with_its_words(
+    ready: Bench, fence: list[Any], text: str
+) -> None:
+    answer = upload_kind(ready, FENCE, fence)
+    assert (answer[0].get_type(), answer[0].type) == ("MISSION_ACK", dialect.MAV_MISSION_ERROR)
+    assert texts(answer) == [text, "Fence validation failed"]
+    (told,) = ready.say(dialect.MAVLink_mission_request_list_message(7, 1, FENCE))
+    assert told.count == 0
+
+
+@pytest.mark.parametrize("bad", [corner(0, 300), corner(0, math.nan), circle(0, math.nan)])
+def test_a_fence_item_whose_number_makes_no_sense_is_refused_at_once(ready: Bench, bad: Any) -> None:
+    answer = upload_kind(ready, FENCE, [bad, bad])
+    assert [m.type for m in answer] == [dialect.MAV_MISSION_INVALID_PARAM1]
+
+
+def test_heights_of_fences_are_not_kept_and_those_of_rally_points_in_16_bits(ready: Bench) -> None:
+    high = of_kind(RALLY, 0, 5100, alt=40_000.0)
+    assert [m.type for m in upload_kind(ready, RALLY, [high])] == [dialect.MAV_MISSION_INVALID_PARAM7]
+    fence = of_kind(FENCE, 0, 5003, alt=1e6, parameters=(50, 0, 0, 0))
+    assert [m.type for m in upload_kind(ready, FENCE, [fence])] == [0]
+
+
+def test_lists_are_uploaded_apart_and_nobody_ends_the_upload_of_another(ready: Bench) -> None:
+    """As ArduPilot's MissionItemProtocol, of which there is one for each kind."""
+    ready.say(dialect.MAVLink_mission_count_message(7, 1, 2, 0))
+    assert [m.count for m in ready.say(dialect.MAVLink_mission_request_list_message(7, 1, FENCE))] == [0]
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, FENCE))] == [0]
+    upload_kind(ready, RALLY, [of_kind(RALLY, 0, 5100)])
+    other, ready.client = ready.client, dialect.MAVLink(None, 254, 190)
+    for message in (
+        dialect.MAVLink_mission_clear_all_message(7, 1, 0),
+        dialect.MAVLink_mission_count_message(7, 1, 0, 0),
+    ):
+        assert [m.type for m in ready.say(message)] == [dialect.MAV_MISSION_DENIED]
+    ready.client = other
+    assert [m.seq for m in ready.say(item(0))] == [1]
+    assert ready.say(item(1))[0].type == dialect.MAV_MISSION_ACCEPTED
+
+
+def upload_kind(bench: Bench, kind: int, items: list[Any]) -> list[Any]:
+    answer = bench.say(dialect.MAVLink_mission_count_message(7, 1, len(items), kind))
+    for one in items:
+        if answer[0].get_type() == "MISSION_REQUEST":
+            answer = bench.say(one)
+    return answer
+
+
 def test_fences_and_rally_points_are_kept_and_given_back_beside_the_mission(ready: Bench) -> None:
     upload(ready, [item(0), item(1)])
-    fence = [of_kind(FENCE, seq, 5001, lat=450_000_000 + 1000 * seq) for seq in range(4)]
+    fence = [corner(seq, 4) for seq in range(4)]
     rally = [of_kind(RALLY, 0, 5100)]
     for kind, items in ((FENCE, fence), (RALLY, rally)):
         answer = ready.say(dialect.MAVLink_mission_count_message(7, 1, len(items), kind))
@@ -723,8 +852,8 @@ def test_fences_and_rally_points_are_kept_and_given_back_beside_the_mission(read
         ready.say(dialect.MAVLink_mission_request_list_message(7, 1, kind))[0].count for kind in range(3)
     ]
     assert counts == [2, 0, 1]
-    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, ALL))] == [0]
-    assert len(ready.autopilot.vehicle.mission) == 0
+    assert [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, ALL))] == [3]
+    assert len(ready.autopilot.vehicle.mission) == 2
     assert [m.type for m in ready.say(dialect.MAVLink_mission_count_message(7, 1, 3, 3))] == [3]
 
 

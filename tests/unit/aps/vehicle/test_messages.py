@@ -55,6 +55,8 @@ def test_a_message_is_sent_to_the_autopilot_unless_it_says_otherwise():
         "hello",
         191,
     )
+    bench.run("send", "STATUSTEXT", {"text": "\N{GREEK SMALL LETTER ALPHA}" * 25})
+    assert ("\N{GREEK SMALL LETTER ALPHA}" * 25).encode() in bench.heard("STATUSTEXT")[1].get_msgbuf()
     bench.run("send", "RC_CHANNELS_OVERRIDE", {"chan1_raw": 1500})
     sent = bench.heard("RC_CHANNELS_OVERRIDE")[0]
     assert (sent.target_system, sent.target_component, sent.chan1_raw, sent.chan2_raw) == (7, 1, 1500, 0)
@@ -70,6 +72,11 @@ def test_a_message_is_sent_to_the_autopilot_unless_it_says_otherwise():
         (("WIND", {"speed": "fast"}), "WIND cannot be made of"),
         (("HEARTBEAT", {"type": 300}), "HEARTBEAT cannot be made of"),
         (("GPS_INJECT_DATA", {"data": [1] * 500}), "GPS_INJECT_DATA cannot be made of"),
+        (
+            ("STATUSTEXT", {"text": "x" * 51}),
+            "STATUSTEXT cannot be made of 51 bytes of text in text: 50 at most",
+        ),
+        (("PARAM_SET", {"param_id": "A" * 17}), "17 bytes of text in param_id: 16 at most"),
         (("WIND", [1, 2]), "fields must be names and values"),
     ],
 )

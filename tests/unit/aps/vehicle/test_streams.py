@@ -101,6 +101,37 @@ def test_slower_request_keeps_the_faster_rate_but_gets_the_autopilots_answer(str
     assert streams.counters.rewritten == 1
 
 
+def test_a_rate_that_the_autopilot_refuses_stays_with_nobody(streams):
+    """ArduCopter denies 1.5 ms (SCHED_LOOP_RATE): the requests of all who share the message went out as that."""
+    drain(streams)
+    for msg_id, own_us in ((ATTITUDE, 100_000), (RAW_IMU, 0)):
+        frame = set_interval(msg_id, 1500)
+        assert streams.client_frame(frame, ALICE) == frame.raw
+        streams.denied(streams.wish(frame))
+        assert streams.interval_us(msg_id) == own_us
+        assert drain(streams) == ({msg_id: own_us} if own_us else {})
+        other = set_interval(msg_id, 50_000)
+        assert streams.client_frame(other, BOB) == other.raw
+
+
+def test_a_rate_that_another_was_asked_with_is_forgotten_when_it_is_refused(streams):
+    drain(streams)
+    streams.client_frame(set_interval(RAW_IMU, 1500), ALICE)
+    frame = set_interval(RAW_IMU, 50_000)
+    assert decoded(streams.client_frame(frame, BOB)).param2 == 1500.0
+    streams.denied(streams.wish(frame))
+    assert drain(streams) == {RAW_IMU: 50_000}
+
+
+def test_a_data_stream_that_is_too_fast_leaves_the_others_theirs(streams):
+    drain(streams)
+    streams.client_frame(data_stream(10, 1000), ALICE)
+    assert streams.poll(0) == (ATTITUDE, 1000)
+    streams.acknowledged(False)
+    assert drain(streams)[ATTITUDE] == 100_000
+    assert ATTITUDE not in streams.refused
+
+
 def test_command_int_counts_as_well(streams):
     message = mavlink.MAVLink_command_int_message(1, 1, 0, 511, 0, 0, ATTITUDE, 1e6, 0, 0, 0, 0, 0)
     passed = decoded(streams.client_frame(client_frame(message), ALICE))

@@ -137,6 +137,16 @@ def test_heights_of_goto_count_from_what_the_frame_says(frame, mav_frame, there)
     assert plan.reached(replace(COPTER, **there))
 
 
+@pytest.mark.parametrize(
+    ("height_m", "frame", "is_why"),
+    [(0.0, "relative", True), (-0.004, "terrain", True), (0.1, "relative", False), (0.0, "amsl", False)],
+)
+def test_a_height_of_0_is_why_arducopter_denies_a_goto(height_m, frame, is_why):
+    """Location::sanitize takes it for the present height, and GUIDED denies what that has changed."""
+    plan = targets.goto(COPTER, 47.0, 8.0, height_m, frame=frame)
+    assert plan.refusal_hint.startswith("ArduPilot takes a height of 0 for the present one") is is_why
+
+
 def test_a_followed_target_moves_between_the_calls():
     flight = Flight(targets.follow(COPTER, 47.0, 8.0, 30.0, north_mps=10.0, down_mps=-1.0, duration_s=2.0))
     [first] = flight.after(0.0)

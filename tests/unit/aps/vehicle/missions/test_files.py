@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from aps.vehicle.missions.files import (
     FlightPlan,
+    jumps_moved,
     read_plan,
     read_waypoints,
     write_plan,
@@ -214,3 +215,52 @@ def test_any_waypoint_file_is_read_or_refused_with_a_value_error(text):
         read_waypoints("QGC WPL 110\n" + text)
     except ValueError:
         return
+
+
+def jump_plan(*items):
+    """A plan of way points and jumps: (doJumpId, target or None)."""
+    return json.dumps(
+        {
+            "fileType": "Plan",
+            "mission": {
+                "items": [
+                    {
+                        "type": "SimpleItem",
+                        "command": 16 if target is None else 177,
+                        "frame": 3 if target is None else 2,
+                        "params": [0, 0, 0, 0, 47, 8, 20] if target is None else [target, 3, 0, 0, 0, 0, 0],
+                    }
+                    | ({} if jump_id is None else {"doJumpId": jump_id})
+                    for jump_id, target in items
+                ]
+            },
+        }
+    )
+
+
+def test_a_jump_leads_to_the_item_whose_doJumpId_it_has():  # noqa: N802
+    """As QGroundControl reads it (MissionController::_loadItemsFromJson); ids are mostly numbers, but need not be."""
+    plan = read_plan(jump_plan((7, None), (9, None), (3, 9), (4, None)))
+    assert plan.mission[2].params[:2] == (2.0, 3.0)
+    assert read_plan(jump_plan((None, None), (None, None), (None, 2))).mission[2].params[0] == 2.0
+    assert read_plan(write_plan(plan)).mission == plan.mission
+    with pytest.raises(ValueError, match=r"^a DO_JUMP leads to doJumpId 5, and no item has that$"):
+        read_plan(jump_plan((1, None), (2, 5)))
+    with pytest.raises(ValueError, match=r"^item 0: doJumpId is a whole number, not '1'$"):
+        read_plan(jump_plan(("1", None)))
+
+
+def test_jumps_of_an_autopilot_that_does_not_count_home():
+    mission = read_plan(jump_plan((1, None), (2, None), (3, 2))).mission
+    moved = jumps_moved(mission, -1)
+    assert [item.params[0] for item in moved] == [0.0, 0.0, 1.0]
+    assert moved[:2] == mission[:2]
+    assert jumps_moved(moved, 1) == mission
+
+
+@pytest.mark.parametrize(("frame", "name"), [(0, "GLOBAL"), (10, "GLOBAL_TERRAIN_ALT")])
+def test_a_plan_has_no_rally_points_that_are_not_above_home(frame, name):
+    place = (0.0, 0.0, 0.0, 0.0, 47.4, 8.4, 600.0)
+    with pytest.raises(ValueError, match=f"^a plan has rally points above home, and one of {name} is none$"):
+        write_plan(FlightPlan(rally=[MissionItem(5100, place, frame=frame)]))
+    assert read_plan(write_plan(FlightPlan(rally=[MissionItem(5100, place, frame=6)]))).rally[0].frame == 3

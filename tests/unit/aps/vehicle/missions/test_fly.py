@@ -99,6 +99,16 @@ def test_it_begins_with_the_item_that_is_asked_for():
     assert sent[0] == (mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2.0, 0.0)
 
 
+@pytest.mark.parametrize(("autopilot", "there"), [(3, {0, 1}), (12, {0})])
+def test_home_as_the_item_to_go_on_with_is_ardupilots_first(autopilot, there):
+    """AP_Mission::set_current_cmd goes on with item 1, and says so."""
+    plan = fly.set_current(replace(AUTO, autopilot=autopilot), 0)
+    reached = {
+        seq for seq in range(4) if plan.reached(replace(AUTO, autopilot=autopilot, mission_current=seq))
+    }
+    assert reached == there
+
+
 def test_set_current_is_done_when_the_autopilot_is_there():
     plan = fly.set_current(AUTO, 2)
     assert not plan.reached(AUTO)

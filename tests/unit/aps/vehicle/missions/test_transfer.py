@@ -16,6 +16,7 @@ ITEMS = [
     for n in range(200)
 ]
 RALLY_NOWHERE = {"command": 5100, "params": [0, 0, 0, 0, None, None, 9]}
+FENCE_AT_47 = {"command": "NAV_FENCE_POLYGON_VERTEX_INCLUSION", "params": [2, 0, 0, 0, 47, 8, 0]}
 FENCE_AT_ZERO = {"command": "NAV_FENCE_POLYGON_VERTEX_INCLUSION", "params": [3, 0, 0, 0, 0, 0, 0]}
 
 
@@ -140,6 +141,14 @@ def test_an_item_whose_frame_nobody_says_has_that_of_its_command(command, frame)
             MissionItem.from_json({"command": command, "params": [0] * 7, "frame": wrong})
 
 
+@pytest.mark.parametrize("value", ["false", 2, None, []])
+def test_autocontinue_is_true_or_false(value):
+    item = {"command": 16, "params": [0] * 7, "autocontinue": value}
+    with pytest.raises(ValueError, match=r"^autocontinue is true or false, not "):
+        MissionItem.from_json(item)
+    assert not MissionItem.from_json(item | {"autocontinue": 0}).autocontinue
+
+
 REFUSED_LAST = "ERROR, after item 3 of 3 (NAV_WAYPOINT, frame 3)"
 
 
@@ -149,6 +158,47 @@ def test_an_error_to_an_item_that_came_in_time_is_a_refusal():
     result = bench.run("mission_upload", ITEMS[:3])
     assert (result.outcome, result.reason) == (Outcome.REFUSED, REFUSED_LAST)
     assert len(bench.heard("MISSION_COUNT")) == 1
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_refusal_has_the_autopilots_words(before):
+    """ArduCopter's come behind its acknowledgement, as they are queued apart."""
+    bench = Bench()
+
+    def close():
+        words = mavlink.MAVLink_statustext_message(4, b"Invalid vertex count (2)", 0, 0)
+        told = mavlink.MAVLink_mission_ack_message(7, 191, mavlink.MAV_MISSION_ERROR, 1)
+        bench.autopilot._upload = None
+        check = mavlink.MAVLink_statustext_message(2, b"PreArm: Compass not healthy", 0, 0)
+        for message in (check, words, told) if before else (check, told, words):
+            bench.autopilot.say(message)
+
+    bench.autopilot._close = close
+    result = bench.run("mission_upload", [MissionItem.from_json(FENCE_AT_47)] * 2, kind="fence")
+    place = "after item 2 of 2 (NAV_FENCE_POLYGON_VERTEX_INCLUSION, frame 3)"
+    assert (result.outcome, result.reason) == (Outcome.REFUSED, f"ERROR, {place}: Invalid vertex count (2)")
+    assert bench.now_ns < 0.5e9
+
+
+@pytest.mark.parametrize(
+    ("kind", "item", "text"),
+    [
+        (
+            "fence",
+            {"command": 5003, "params": [None, 0, 0, 0, 47, 8, 0]},
+            "CIRCLE_INCLUSION needs its parameter 1",
+        ),
+        ("fence", {"command": 5002, "params": [None, 0, 0, 0, 47, 8, 0]}, "EXCLUSION needs its parameter 1"),
+        (
+            "rally",
+            {"command": 5100, "params": [0, 0, 0, 0, 47, 8, None]},
+            "RALLY_POINT needs its parameter 7",
+        ),
+    ],
+)
+def test_a_number_that_would_end_a_simulated_ardupilot_is_a_mistake(kind, item, text):
+    with pytest.raises(ValueError, match=f"^item 1: .*{text}$"):
+        Bench().commands.start("mission_upload", [item | {"params": [3, 0, 0, 0, 47, 8, 9]}, item], kind=kind)
 
 
 def test_an_error_to_the_count_of_an_empty_list_that_came_again_is_a_refusal():

@@ -28,6 +28,63 @@ def test_all_parameters_over_a_link_that_loses_and_corrupts(ftp, seed):
     assert bool(bench.heard("PARAM_REQUEST_LIST")) is not ftp
 
 
+class ListingAutopilot(KeepingAutopilot):
+    """Sends its list as ArduPilot does: some per step, the count of its beginning, whatever comes in between."""
+
+    def __init__(self, parameters):
+        super().__init__(parameters, ftp=False)
+        self.at, self.count = None, 0
+
+    def _param_request_list(self, message):
+        self.at, self.count = 0, len(self.parameters)
+
+    def step(self):
+        super().step()
+        for _ in range(20):
+            if self.at is not None and self.at < len(self.parameters):
+                name = list(self.parameters)[self.at]
+                self.say(mavlink.MAVLink_param_value_message(name.encode(), 1.0, 9, self.count, self.at))
+                self.at += 1
+
+    def enable(self, names):
+        """More parameters, in front of others, as PARAM_SET of an ENABLE makes them."""
+        first, *others = self.parameters
+        self.parameters = dict.fromkeys([first, *names, *others], 1.0)
+        self._param_value_out(0xFFFF, first)
+
+
+@pytest.mark.parametrize("after", [0, 50, 150])
+def test_a_list_that_grows_while_it_is_sent_is_asked_for_anew(after):
+    autopilot = ListingAutopilot([(f"P{n}", 1.0) for n in range(200)])
+    bench = Bench(autopilot)
+    bench.commands.start("parameters", on_done=(ends := []).append)
+    while (autopilot.at or 0) < max(after, 1):
+        bench.step()
+    autopilot.enable([f"GRIP_{n}" for n in range(35)])
+    while not ends:
+        bench.step()
+    assert ends[0].value == autopilot.parameters
+    assert len(ends[0].value) == 235
+    bench.commands.start("parameters", on_done=ends.append)  # the list before may still be sent
+    while len(ends) < 2:
+        bench.step()
+    assert ends[1].value == autopilot.parameters
+
+
+def test_a_length_that_changes_for_ever_is_no_list_that_is_asked_for_for_ever():
+    autopilot = ListingAutopilot([(f"P{n}", 1.0) for n in range(100)])
+    autopilot.step = lambda: autopilot._param_value_out(0xFFFF, "P0")
+    autopilot._param_value_out = lambda index, name: autopilot.say(
+        mavlink.MAVLink_param_value_message(name.encode(), 1.0, 9, 100 + bench.now_ns // 10**7 % 2, index)
+    )
+    bench = Bench(autopilot)
+    bench.commands.start("parameters", on_done=(ends := []).append)
+    while not ends:
+        bench.step()
+    assert ends[0].outcome is Outcome.TIMED_OUT
+    assert len(bench.heard("PARAM_REQUEST_LIST")) < 30
+
+
 def test_an_autopilot_without_ftp_is_asked_one_by_one():
     bench = Bench(KeepingAutopilot(PARAMETERS, ftp=False))
     result = bench.run("parameters")
@@ -246,6 +303,23 @@ def test_whole_numbers_are_kept_whole():
     assert bench.heard("PARAM_SET")[0].param_type == 1
 
 
+def test_what_ardupilots_float_cannot_hold_is_refused_and_not_set_to_the_next():
+    """2**31 - 1 would go out as 2**31, which ends a simulated ArduPilot (AP_Param::set_float)."""
+    autopilot = KeepingAutopilot({"N": 1.0})
+    autopilot._param_value_out = lambda index, name: autopilot.say(
+        mavlink.MAVLink_param_value_message(name.encode(), autopilot.parameters[name], 6, 1, index)
+    )
+    bench = Bench(autopilot)
+    for value, sent in ((2**24 + 1, 2**24), (2**31 - 1, 2**31)):
+        result = bench.run("parameter_set", "N", value)
+        reason = f"N is sent as a four-byte float, which cannot hold {value}: {sent} is next"
+        assert (result.outcome, result.reason) == (Outcome.REFUSED, reason)
+    assert bench.heard("PARAM_SET") == []
+    assert bench.run("parameter_set", "N", 2**24 + 2).reached
+    autopilot.parameters["N"] = float(2**24)
+    assert bench.run("parameter_set", "N", 2**24 + 1).reached, "as it is told, it is that already"
+
+
 @pytest.mark.parametrize(
     ("verb", "arguments", "text"),
     [
@@ -300,6 +374,15 @@ def test_a_torn_packed_file_is_an_error(cut):
         unpacked(packed(PARAMETERS)[:cut])
 
 
+@pytest.mark.parametrize("number", [123456789, 2130706433, 2**31 - 1, -(2**31), 2**32 - 1, 1_000_000])
+def test_whole_numbers_of_32_bits_pass_through_files_exactly(number):
+    """UXRCE_DDS_AG_IP of PX4 is one: 127.0.0.1."""
+    text = write_parameters({"A": float(number)})
+    assert text.split() == ["A", str(number)]
+    assert compare(read_parameters(text), {"A": float(number)}) == []
+    assert compare({"A": float(number - 1)}, {"A": float(number)}) == [("A", number - 1, number)]
+
+
 def test_parameter_files():
     text = "# saved\nRTL_ALT,1500\nWPNAV_SPEED   500.5 # cm/s\n\n1\t1\tATC_RAT\t0.135\t9\n"
     values = read_parameters(text)
@@ -312,8 +395,10 @@ def test_parameter_files():
         ("C", 2.0, None),
         ("D", None, 3.0),
     ]
-    with pytest.raises(ValueError, match="line 2: a name and a value"):
-        read_parameters("A 1\nB\n")
+    assert read_parameters("A 1 @READONLY\n") == {"A": 1.0}
+    for wrong in ("B", "B 1,500", "B 1 metre"):
+        with pytest.raises(ValueError, match="line 2: a name and a value"):
+            read_parameters(f"A 1\n{wrong}\n")
     with pytest.raises(ValueError, match=r"line 2: 1e\+39 is too large"):
         read_parameters("A 1\nB 1e39\n")
     with pytest.raises(ValueError, match="line 1: nan is no value"):
