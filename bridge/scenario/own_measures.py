@@ -44,7 +44,7 @@ class LoggedExpectation(_Measured):
 
     Attributes:
         value: the name.
-        key: of mappings, which number.
+        key: of mappings and vectors, which number, as in `logged.parquet` (``to_m.0``).
         node: whose agent; of several that logged it, the worst counts.
         between_s: only what was logged in that interval of sim time.
         for_: the share of what was logged that has to be within the bounds.

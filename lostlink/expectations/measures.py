@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bridge.agents.own import AgentError, load_module
 from bridge.record.logged import LoggedValue, logged_of
+from bridge.record.tables.logged import leaves
 from bridge.scenario.model import Scenario
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
 from lostlink.reading.run import load_run
@@ -37,13 +38,13 @@ def _numbers(run: Path, node: str, wanted: LoggedExpectation) -> Iterator[float]
             and item.name == wanted.value
             and begin_s <= tick_ns / 1e9 <= until_s
         ):
-            value = item.value
-            if wanted.key is not None and isinstance(value, dict):
-                value = value.get(wanted.key, "nothing")
-            if isinstance(value, str | list | dict):
+            values = dict(leaves(item.value))
+            value = values.get(wanted.key or "")
+            if value is None or isinstance(value, str | list | dict):
+                under = f" under {wanted.key!r}" if wanted.key else ""
+                keys = f": give one of the keys {', '.join(values)}" if "" not in values else ""
                 raise MeasureError(
-                    f"node {node} logged {value!r} at {tick_ns / 1e9:g} s, which is no number: "
-                    "give the key of one in a mapping"
+                    f"node {node} logged {item.value!r} at {tick_ns / 1e9:g} s, which has no number{under}{keys}"
                 )
             yield float(value)
 

@@ -65,22 +65,22 @@ def _rows(run: Path, node: str) -> Iterator[LoggedRow]:
         if tick_ns != now_ns:
             now_ns, counts = tick_ns, Counter()
         if isinstance(item, LoggedValue):
-            for key, value in _leaves(item.value):
+            for key, value in leaves(item.value):
                 yield LoggedRow(tick_ns, node, item.name, counts[item.name], key, *_cells(value))
             counts[item.name] += 1
 
 
-def _leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
-    """Single values, and empty vectors and mappings, with their keys."""
+def leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Single values, and empty vectors and mappings, with their keys as the table has them (`LoggedRow.key`)."""
     if not isinstance(value, dict | list) or not value:
         yield at, value
         return
     for key, each in value.items() if isinstance(value, dict) else enumerate(value):
-        yield from _leaves(each, f"{at}.{key}" if at else str(key))
+        yield from leaves(each, f"{at}.{key}" if at else str(key))
 
 
 def _cells(value: Any) -> tuple[str, float, str]:
-    """Kind, number and text of what `_leaves` gives."""
+    """Kind, number and text of what `leaves` gives."""
     kind = kind_of(value)
     return kind, float(value) if kind in ("number", "bool") else math.nan, value if kind == "text" else ""
 

@@ -209,7 +209,10 @@ def log(made: RunContent) -> None:
     for node in ("0", "1"):
         values = [LoggedValue("error_m", float(tick) if node == "0" else 2.0) for tick in range(10)]
         entries = [Entry(tick * 50_000_000, encode_logged(value)) for tick, value in enumerate(values)]
-        others = (LoggedValue("plan", {"to_m": 7.5, "why": "lost"}), LoggedValue("say", "no"))
+        others = (
+            LoggedValue("plan", {"to_m": 7.5, "why": "lost", "at": [1.0, 9.0]}),
+            LoggedValue("say", "no"),
+        )
         entries += [Entry(500_000_000, encode_logged(value)) for value in others]
         made.streams[names.logged(node)] = entries
 
@@ -224,6 +227,7 @@ def log(made: RunContent) -> None:
         ({"value": "error_m", "at_least": 3, "at_most": 4, "for": 0.2, "node": 0}, 0.2, True),
         ({"value": "error_m", "at_least": 3, "between_s": [0.15, 0.45], "node": 0}, 1.0, True),
         ({"value": "plan", "key": "to_m", "at_least": 7}, 1.0, True),
+        ({"value": "plan", "key": "at.1", "at_least": 9}, 1.0, True),
         ({"value": "nobody_logs_it", "at_least": 7}, None, False),
     ],
 )
@@ -234,12 +238,20 @@ def test_logged(tmp_path: Path, expectation: dict[str, Any], found: float | None
 
 
 @pytest.mark.parametrize(
-    "expectation", [{"value": "say"}, {"value": "plan"}, {"value": "plan", "key": "why"}]
+    ("expectation", "says"),
+    [
+        ({"value": "say"}, "no number$"),
+        ({"value": "plan"}, "no number: give one of the keys to_m, why, at.0, at.1$"),
+        ({"value": "plan", "key": "why"}, "no number under 'why'"),
+        ({"value": "plan", "key": "at"}, "no number under 'at': give one of the keys to_m, why, at.0, at.1$"),
+    ],
 )
-def test_what_is_logged_and_is_no_number_is_told(tmp_path: Path, expectation: dict[str, Any]) -> None:
+def test_what_is_logged_and_is_no_number_is_told(
+    tmp_path: Path, expectation: dict[str, Any], says: str
+) -> None:
     judgement = judged(make_run(tmp_path / "run", log), type="logged", at_most=1, **expectation)
     assert not judgement.passed
-    assert re.match(r"node 0 logged .* at 0.5 s, which is no number", judgement.error)
+    assert re.search(f"^node 0 logged .* at 0.5 s, which has {says}", judgement.error)
 
 
 MEASURES = """
