@@ -487,6 +487,77 @@ def test_a_fly_that_cannot_be_awaited_is_refused_by_name(tmp_path: Path, bases: 
         assert f"{file}:10: Patrol.fly is a plain def" in mistake_in(str(file), "Patrol")
 
 
+@pytest.mark.parametrize(
+    ("method", "wrong"),
+    [
+        ("def on_packet(self, sender, channel, payload)", "(sender, channel, payload, reception)"),
+        ("def on_packet(self, sender, *, reception, **more)", "(sender, channel, payload, reception)"),
+        ("def on_tick(self)", "(sim_time_ns)"),
+        ("def on_tick(self, sim_time_ns, more, why=1)", "(sim_time_ns)"),
+        ("def on_measurement()", "(measurement)"),
+        ("def transmit_package(self)", "(sim_time_ns)"),
+        ("def __init__(self)", "(ua, config, transmit)"),
+        ("async def fly(self, height_m)", "()"),
+        ("def on_packet(self, *given)", ""),
+        ("def on_packet(self, sender, channel, /, payload=b'', reception=None, *, more=0)", ""),
+        ("def __init__(self, ua, *given, **more)", ""),
+        ("async def fly(self, height_m=40.0)", ""),
+        ("@staticmethod\n    def on_tick(sim_time_ns)", ""),
+    ],
+)
+def test_a_method_that_cannot_be_called_as_it_is_is_refused_with_its_line(
+    tmp_path: Path, method: str, wrong: str
+) -> None:
+    file = tmp_path / "patrol.py"
+    file.write_text(f"from lostlink import Agent\n\n\nclass Patrol(Agent):\n    {method}: ...\n")
+    name = re.findall(r"def (\w+)", method)[0]
+    says = f"{file}:5: Patrol.{name} cannot be called with {wrong}, as it is: " if wrong else ""
+    assert mistake_in(str(file), "Patrol").startswith(says)
+    if not wrong:
+        assert mistake_in(str(file), "Patrol") == ""
+        assert load_class(str(file), "Patrol").__name__ == "Patrol"
+        return
+    with pytest.raises(AgentError) as told:
+        load_class(str(file), "Patrol")
+    assert str(told.value) == mistake_in(str(file), "Patrol")
+
+
+def test_what_may_take_anything_is_not_refused(tmp_path: Path) -> None:
+    file = tmp_path / "patrol.py"
+    file.write_text(
+        "import functools\nfrom lostlink import Agent\n\n"
+        "def given_more(method):\n"
+        "    @functools.wraps(method)\n"
+        "    def called(self, *given): return method(self, *given, 1)\n"
+        "    return called\n\n"
+        "class Made(type):\n    def __call__(cls, *given): return cls.__new__(cls)\n\n"
+        "class Patrol(Agent, metaclass=Made):\n"
+        "    def __init__(self): ...\n"
+        "    @given_more\n    def on_tick(self, sim_time_ns, more): ...\n"
+    )
+    assert mistake_in(str(file), "Patrol") == ""
+    assert load_class(str(file), "Patrol").__name__ == "Patrol"
+
+
+def test_a_callback_that_cannot_be_called_as_it_is_is_told_with_the_line_that_gave_it(
+    flown: list[Flown],
+) -> None:
+    class Listens(Agent):
+        async def fly(self) -> None:
+            self.ua.on_tick(print)
+            self.ua.on_packet(self.heard)  # type: ignore[arg-type]
+
+        def heard(self, payload: bytes) -> None: ...
+
+    flown.append(Flown(Listens))
+    flown[0].tick()
+    line = Listens.fly.__code__.co_firstlineno + 2
+    [told] = [status.activity for status in flown[0].outlet.reports if status.failed]
+    given = "Listens.heard cannot be called with (sender, channel, payload, reception), as it is: too many"
+    assert f".{given} positional arguments (test_runner.py:{line})" in told
+    assert told.startswith("TypeError in flight: on_packet: test_a_callback")
+
+
 class ForgetsItsArguments(Agent):
     def __init__(self) -> None:
         """It takes none."""
