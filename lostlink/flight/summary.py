@@ -9,7 +9,7 @@ from typing import Any
 from bridge.radio.ledger_file import BINS_OF_TRANSMISSIONS, LEDGER
 from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
-from bridge.record.events import AGENT_BLOCKED, WHOSE, Reports, read_reports
+from bridge.record.events import AGENT_BLOCKED, PROCESS_LEFT, WHOSE, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
@@ -117,6 +117,7 @@ def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[s
         for event in reports.events
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
+    told += [event.text for event in reports.events if event.kind == PROCESS_LEFT]
     return [*told, *unknown_parameters(scenario, run)]
 
 

@@ -513,6 +513,39 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     assert_nothing_is_left(run, children)
 
 
+STARTS = """\
+import subprocess
+
+from lostlink import Agent
+
+
+class Mine(Agent):
+    async def fly(self):
+        subprocess.Popen(["sleep", "600"], start_new_session=True)
+        await self.sleep(1.0)
+        if self.options["does"] == "raise":
+            raise ArithmeticError("a mistake of mine")
+"""
+
+
+@both
+@pytest.mark.parametrize("does", ["end", "raise"])
+def test_what_an_agent_has_started_ends_with_the_run(
+    start_run: StartRun, tmp_path: Path, processes: str, does: str
+) -> None:
+    scenario = with_an_agent_that(tmp_path, does)
+    (tmp_path / "mine.py").write_text(STARTS)
+    run = start_run("--no-mcap", scenario=scenario, processes=processes, duration_s=3.0)
+    assert run.finish() == (1 if does == "raise" else 0)
+    told = "a process that an agent had started was ended with the run: sleep 600"
+    [event] = [event for event in run.summary["events"] if event["kind"] == "process_left"]
+    pid = re.fullmatch(rf"{told} \(pid (\d+)\)", event["text"])
+    assert pid
+    assert not psutil.pid_exists(int(pid[1])) or psutil.Process(int(pid[1])).status() == psutil.STATUS_ZOMBIE
+    assert f"warning: {event['text']}\n" in run.output.decode()
+    assert event["text"] in run.summary["warnings"]
+
+
 IMPATIENT = "from bridge.fleet import supervisor; supervisor.SILENCE_S = 8.0"
 
 
