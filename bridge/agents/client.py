@@ -251,11 +251,14 @@ class UaClient(Commands):
         Raises:
             ValueError: ``channel``, ``to`` or ``radio`` cannot be part of a key, the node has no such radio, there is
                 no such node or group on its network, or one of the last three cannot be.
-            TypeError: ``payload`` is neither bytes nor a message.
+            TypeError: ``payload`` is neither bytes nor a message, or one of the first three is no text.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
-        checked_chunk(channel)
         to = str(to) if isinstance(to, int | np.integer) else to
+        for name, text in (("channel", channel), ("to", to), ("radio", radio)):
+            if not isinstance(text, str):
+                raise TypeError(f"transmit: {name}={text!r} is no text")
+        checked_chunk(channel)
         checked_chunk(to)
         self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
