@@ -16,7 +16,6 @@ from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_ne
 from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import FleetError
 from bridge.fleet.tidings import Tidings
-from bridge.host.offspring import Offspring
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import NodeLogs
@@ -121,6 +120,7 @@ class OneTask(_OneProgram):
 
     async def start(self) -> None:
         """Start the program."""
+        from bridge.host.offspring import Offspring
         from bridge.program.process import fly  # which loads all parts
 
         self._go, self._stop = asyncio.Event(), asyncio.Event()
