@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import itertools
 import logging
 import math
@@ -42,6 +43,7 @@ from bridge.bus.messages.ages import age_s
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.record.logged import LoggedValue, checked_name, checked_text, checked_value, kind_of
+from bridge.scenario.calls import CALLED_WITH, wrong_call
 
 if TYPE_CHECKING:
     from channel.sensing.sensor import Sensor
@@ -161,7 +163,12 @@ class UaClient(Commands):
         return None if self.state is None or self.frames is None else self.frames.place_of(self.state)
 
     def on_tick(self, callback: Callable[[int], object]) -> None:
-        """Call ``callback(sim_time_ns)`` at each tick of the fleet clock."""
+        """Call ``callback(sim_time_ns)`` at each tick of the fleet clock.
+
+        Raises:
+            TypeError: the callback cannot be called so.
+        """
+        _check_callback("on_tick", callback)
         self._on_tick.append(callback)
 
     def on_packet(self, callback: OnPacket, *, channel: str = "") -> None:
@@ -170,11 +177,20 @@ class UaClient(Commands):
         Args:
             callback: called in the agent's loop.
             channel: of this one only; of all but ``ip``, which is for programs attached to the node, if not given.
+
+        Raises:
+            TypeError: the callback cannot be called so.
         """
+        _check_callback("on_packet", callback)
         self._on_packet.append((callback, channel))
 
     def on_measurement(self, callback: Callable[[Measurement], object]) -> None:
-        """Call ``callback(measurement)`` for each measurement of the node's RF sensor, one tick after it was taken."""
+        """Call ``callback(measurement)`` for each measurement of the node's RF sensor, one tick after it was taken.
+
+        Raises:
+            TypeError: the callback cannot be called so.
+        """
+        _check_callback("on_measurement", callback)
         self._on_measurement.append(callback)
 
     async def wait_for(
@@ -235,11 +251,14 @@ class UaClient(Commands):
         Raises:
             ValueError: ``channel``, ``to`` or ``radio`` cannot be part of a key, the node has no such radio, there is
                 no such node or group on its network, or one of the last three cannot be.
-            TypeError: ``payload`` is neither bytes nor a message.
+            TypeError: ``payload`` is neither bytes nor a message, or one of the first three is no text.
             PermissionError: this is not the node's agent, which alone numbers its packets.
         """
-        checked_chunk(channel)
         to = str(to) if isinstance(to, int | np.integer) else to
+        for name, text in (("channel", channel), ("to", to), ("radio", radio)):
+            if not isinstance(text, str):
+                raise TypeError(f"transmit: {name}={text!r} is no text")
+        checked_chunk(channel)
         checked_chunk(to)
         self._check_reach(radio, to)
         encoding = encoding_of(type(payload)) if isinstance(payload, Message) else ""
@@ -447,6 +466,18 @@ class UaClient(Commands):
                 future.set_exception(self._still_waiting())
         for callback in self._on_tick:
             callback(self.sim_time_ns)
+
+
+def _check_callback(event: str, callback: Callable[..., object]) -> None:
+    """See that a callback takes what it will be called with: then an error is told with the line that gave it."""
+    try:
+        wrong = wrong_call(inspect.signature(callback), CALLED_WITH[event])
+    except (TypeError, ValueError):  # a function of C may have no signature
+        if callable(callback):
+            return
+        raise TypeError(f"{event}: {callback!r} is no function") from None
+    if wrong:
+        raise TypeError(f"{event}: {getattr(callback, '__qualname__', repr(callback))} {wrong}")
 
 
 def _checked_bytes(payload: object) -> bytes:

@@ -8,10 +8,11 @@ import inspect
 import itertools
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 from bridge.agents.agent import Agent
 from bridge.scenario.agent_class import AWAITED, IS_ASYNC, IS_GENERATOR, IS_PLAIN, NO_AGENT, PLAIN_METHODS
+from bridge.scenario.calls import CALLED_WITH, wrong_call
 from bridge.scenario.resolve.modules import NOT_THERE, put_first
 
 PACKAGES = ("aps", "bridge", "channel", "fdm", "standin")
@@ -42,6 +43,15 @@ def load_class(place: str, name: str, node: str = "") -> type[Agent]:
         inspect.iscoroutinefunction(found.fly) or hasattr(found.fly, "__wrapped__")
     ):
         raise AgentError(f"{name}.{AWAITED} in {place} {IS_PLAIN}")
+    for method, given in CALLED_WITH.items():
+        function = inspect.getattr_static(found, method)
+        if not isinstance(function, FunctionType) or hasattr(function, "__wrapped__"):
+            continue  # what is decorated may take anything
+        if method == "__init__" and type(found).__call__ is not type.__call__:
+            continue  # its metaclass makes it
+        if wrong := wrong_call(inspect.signature(function), given, "self"):
+            code = function.__code__
+            raise AgentError(f"{code.co_filename}:{code.co_firstlineno}: {name}.{method} {wrong}")
     return found
 
 

@@ -16,6 +16,7 @@ from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_ne
 from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import FleetError
 from bridge.fleet.tidings import Tidings
+from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import NodeLogs
 from bridge.timeouts import FLIGHT_GRACE_S, ROUTER_GRACE_S, START_S
@@ -119,6 +120,7 @@ class OneTask(_OneProgram):
 
     async def start(self) -> None:
         """Start the program."""
+        from bridge.host.offspring import Offspring
         from bridge.program.process import fly  # which loads all parts
 
         self._go, self._stop = asyncio.Event(), asyncio.Event()
@@ -126,6 +128,7 @@ class OneTask(_OneProgram):
         root = logging.getLogger()
         root.setLevel(logging.INFO)
         root.addHandler(self._logs)
+        self._offspring = Offspring(Report(self._run.path, NAME))
         looks = self._tidings.glance is not None
         flight = fly(self._run, self._heard, self._go.wait, self._stop, looks=looks)
         self._task = asyncio.create_task(flight, name=NAME)
@@ -147,6 +150,9 @@ class OneTask(_OneProgram):
         if self._task is not None:
             self._stop.set()
             await asyncio.wait({self._task})
+        killed = await end_all(self._crew.children, FLIGHT_GRACE_S)
+        if self._task is not None:
+            self._offspring.end()  # the autopilots are children of this process, too
             logging.getLogger().removeHandler(self._logs)
             self._logs.close()
-        return await end_all(self._crew.children, FLIGHT_GRACE_S)
+        return killed

@@ -28,7 +28,7 @@ from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.preflight.ports import HOST
 from bridge.fleet.preflight.preflight import launchers_of
-from bridge.record.events import DIED, KILLED, Report
+from bridge.record.events import AGENT_BLOCKED, DIED, KILLED, WHOSE, Report, read_reports
 from bridge.record.provenance import collect, write_provenance
 from bridge.run.directory import LOG_FOLDER, SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
@@ -148,7 +148,7 @@ class Fleet:
             await parts.start()
             if starts_autopilots:
                 self._start_autopilots(waits_for_physics=True)
-            await self._unless_over(parts.ready())
+            await self._unless_over(self._ready(parts))
             if self._observer.joins is not None:
                 await self._unless_over(self._observer.joins())
             parts.go()
@@ -158,6 +158,12 @@ class Fleet:
             return await self._unless_over(self._watch_clock())
         except _Over:
             return self._outcome.result()
+
+    async def _ready(self, parts: Arrangement) -> None:
+        try:
+            await parts.ready()
+        except FleetError as error:
+            raise FleetError(f"{error}{self._agents_at_work()}") from error
 
     def _write_run(self) -> None:
         """Write what the parts read: where the router is, if there is one, and who may log in."""
@@ -233,9 +239,21 @@ class Fleet:
             if silence_s > patience_s:
                 at_s = self.course.sim_time_ns / 1e9
                 raise FleetError(
-                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s; a run whose ticks take longer needs "
-                    f"fdm.stall_timeout_s above {patience_s / 2:g}, half of what it waits\n{self._crew.tails()}"
+                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s{self._agents_at_work()}; a run whose "
+                    f"ticks take longer needs fdm.stall_timeout_s above {patience_s / 2:g}, half of what it waits"
+                    f"\n{self._crew.tails()}"
                 )
+
+    def _agents_at_work(self) -> str:
+        """The agents that have been at the tick at which sim time stands, or in their constructors, for long."""
+        scenario = self._scenario
+        since_ns = self.course.sim_time_ns - scenario.lookahead_ticks * scenario.tick_period_ns
+        told = [
+            f"; {WHOSE[event.kind]}{scenario.title(event.node)}: {event.text}"
+            for event in read_reports(self._run.path).events
+            if event.kind == AGENT_BLOCKED and event.sim_time_ns >= since_ns
+        ]
+        return "".join(told)
 
     async def _end(self) -> None:
         """End everything, and say what came for the supervisor and was not handled; and whom it had to kill."""

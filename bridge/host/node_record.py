@@ -97,8 +97,12 @@ class NodeRecord:
         self._warn(AGENT_WARNING, text)
 
     def agent_blocked(self, text: str) -> None:
-        """The node's agent is at work on a tick for long, by wall time: it changes no result."""
+        """The node's agent is at work on a tick for long, by wall time: it changes no result.
+
+        On disk at once: no other tick may come, and whoever gives the run up reads it.
+        """
         self._warn(AGENT_BLOCKED, text)
+        self._report.flush()
 
     def other_system(self, sysid: int) -> None:
         """The node's autopilot calls itself another system than it was told to be."""

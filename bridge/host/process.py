@@ -16,6 +16,7 @@ from bridge.bus.session import Sample, Session, open_client
 from bridge.host.arrivals import hand_out, hand_out_serial
 from bridge.host.hosted import Hosted, hosted_node, stop_all
 from bridge.host.hosted_node import HostedNode
+from bridge.host.offspring import Offspring
 from bridge.host.on_bus import AskedOnBus
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
@@ -32,6 +33,7 @@ async def run_host(run: RunDirectory, name: str, nodes: tuple[str, ...], stop: a
     report = Report(run.path, name)
     with open_client(run.info.endpoint, run.credentials(name), timeout_s=START_S) as session:
         async with AsyncExitStack() as stack:
+            stack.callback(Offspring(report).end)
             hosted = [hosted_node(run, node, BusOutlet(session, run.keys, node)) for node in nodes]
             for one in hosted:
                 await stack.enter_async_context(one)

@@ -13,6 +13,7 @@ from functools import partial
 from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.session import Session, open_router
 from bridge.bus.supervisor_socket import SupervisorSocket
+from bridge.host.offspring import Offspring
 from bridge.program.program import NAME, Go, Program, Tell
 from bridge.radio.process import login_refused
 from bridge.record.events import Report
@@ -33,6 +34,7 @@ def main(words: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     run = log_to_files(arguments)
     supervisor = SupervisorSocket(arguments.tell_fd)
+    offspring = Offspring(Report(run.path, NAME))
     try:
         return run_until_stopped(
             partial(fly, run, supervisor.put, supervisor.told_to_go, looks=arguments.glance)
@@ -43,6 +45,8 @@ def main(words: Sequence[str] | None = None) -> int:
             log.error("where its code failed:", exc_info=error.__cause__)
         log.error("%s", error)
         return 1
+    finally:
+        offspring.end()
 
 
 async def fly(run: RunDirectory, tell: Tell, go: Go, stop: asyncio.Event, *, looks: bool) -> None:

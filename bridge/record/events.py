@@ -33,6 +33,8 @@ AGENT_WARNING = "agent_warning"
 """Kind of the event that an agent does what its author cannot want."""
 OTHER_SYSTEM = "other_system"
 """Kind of the event that a UA's autopilot has another system id than the UA."""
+PROCESS_LEFT = "process_left"
+"""Kind of the event that a process which an agent had started was ended with the run."""
 
 WHOSE = {AGENT_WARNING: "the agent of ", AGENT_BLOCKED: "the agent of ", OTHER_SYSTEM: ""}
 """By kind, of events that somebody must see while the run goes on: what stands before the name of the node."""

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 from collections import Counter
 from collections.abc import Iterator
+
+from bridge.scenario.calls import CALLED_WITH, wrong_call
 
 PLAIN_METHODS = ("on_tick", "on_packet", "on_measurement", "transmit_package", "package")
 """Methods of an agent that are called, not awaited."""
@@ -37,7 +40,10 @@ def wrong_with_class(module: ast.Module, name: str) -> tuple[int, str] | None:
         return None
     if file.leads_to_no_agent(found):
         return found.lineno, f"{name} {NO_AGENT}"
+    may_be_changed = found.decorator_list or found.keywords
     for method in file.methods_of(found):
+        if may_be_changed and method.name == "__init__":
+            continue
         if wrong := _wrong_with(method):
             return method.lineno, f"{name}.{method.name} {wrong}"
     return None
@@ -107,11 +113,32 @@ def _bound_in(tree: ast.AST, *, below: bool = True) -> Iterator[str]:
 def _wrong_with(method: _Function) -> str:
     if isinstance(method, ast.AsyncFunctionDef) and method.name in PLAIN_METHODS:
         return IS_ASYNC
-    if method.name != AWAITED or method.decorator_list:
+    if method.decorator_list or method.name not in CALLED_WITH:
         return ""
-    if isinstance(method, ast.FunctionDef):
+    if method.name == AWAITED and isinstance(method, ast.FunctionDef):
         return IS_PLAIN
-    return IS_GENERATOR if _yields(method) else ""
+    if method.name == AWAITED and _yields(method):
+        return IS_GENERATOR
+    return wrong_call(_signature_of(method.args), CALLED_WITH[method.name], "self")
+
+
+def _signature_of(arguments: ast.arguments) -> inspect.Signature:
+    """Of a function, without its annotations; what a default is, is left open."""
+    positional = [*arguments.posonlyargs, *arguments.args]
+    needed, only = len(positional) - len(arguments.defaults), len(arguments.posonlyargs)
+    found: list[inspect.Parameter] = []
+    for number, arg in enumerate(positional):
+        kind = inspect.Parameter.POSITIONAL_ONLY if number < only else inspect.Parameter.POSITIONAL_OR_KEYWORD
+        value = inspect.Parameter.empty if number < needed else None
+        found.append(inspect.Parameter(arg.arg, kind, default=value))
+    if arguments.vararg is not None:
+        found.append(inspect.Parameter(arguments.vararg.arg, inspect.Parameter.VAR_POSITIONAL))
+    for arg, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True):
+        value = inspect.Parameter.empty if default is None else None
+        found.append(inspect.Parameter(arg.arg, inspect.Parameter.KEYWORD_ONLY, default=value))
+    if arguments.kwarg is not None:
+        found.append(inspect.Parameter(arguments.kwarg.arg, inspect.Parameter.VAR_KEYWORD))
+    return inspect.Signature(found)
 
 
 def _yields(function: _Function) -> bool:

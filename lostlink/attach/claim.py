@@ -6,11 +6,12 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import shorten
 from typing import Final
 
+LOCK: Final = "attached-{}.lock"
 TOLD_MAX: Final = 60
 """Characters of a command that somebody else is told."""
 
@@ -20,7 +21,7 @@ class AlreadyAttached(Exception):
 
 
 @contextmanager
-def claimed(run: Path, title: str, node: str, command: Sequence[str]) -> Iterator[None]:
+def claimed(run: Path, title: str, node: str, command: Sequence[str], subnet: str) -> Iterator[str]:
     """Hold a node of a run; the lock ends with this process, in whatever way.
 
     Args:
@@ -28,19 +29,24 @@ def claimed(run: Path, title: str, node: str, command: Sequence[str]) -> Iterato
         title: what the node is called where people read.
         node: its id.
         command: what is attached, for whoever comes second.
+        subnet: of its addresses, likewise.
+
+    Yields:
+        Which nodes have programs on other subnets, with these; "" if none has.
 
     Raises:
         AlreadyAttached: another program is attached there.
         OSError: the lock cannot be made.
     """
-    path = run / f"attached-{node}.lock"
+    path = run / LOCK.format(node)
     fd = _locked(path)
     if fd is None:
         raise AlreadyAttached(f"{title} has a program attached already: {_who(path)}; one at a time")
     try:
         os.ftruncate(fd, 0)
-        os.pwrite(fd, json.dumps({"pid": os.getpid(), "command": list(command)}).encode(), 0)
-        yield
+        claim = {"pid": os.getpid(), "command": list(command), "subnet": subnet}
+        os.pwrite(fd, json.dumps(claim).encode(), 0)
+        yield ", ".join(_on_other_subnets(run, subnet))
     finally:
         path.unlink(missing_ok=True)
         os.close(fd)
@@ -58,6 +64,14 @@ def _locked(path: Path) -> int | None:
         if os.fstat(fd).st_nlink:
             return fd
         os.close(fd)  # whoever had it has just removed it
+
+
+def _on_other_subnets(run: Path, subnet: str) -> Iterator[str]:
+    for path in sorted(run.glob(LOCK.format("*"))):
+        with suppress(OSError, ValueError, KeyError, TypeError):  # it has just begun, or ended
+            claim = json.loads(path.read_text(encoding="utf-8"))
+            if claim["subnet"] != subnet and Path(f"/proc/{claim['pid']}").exists():
+                yield f"{path.stem.removeprefix(LOCK.partition('{')[0])} ({claim['subnet']})"
 
 
 def _who(path: Path) -> str:

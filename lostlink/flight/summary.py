@@ -9,12 +9,14 @@ from typing import Any
 from bridge.radio.ledger_file import BINS_OF_TRANSMISSIONS, LEDGER
 from bridge.record.autopilot_logs import autopilot_logs
 from bridge.record.digests import digest_line, digests
-from bridge.record.events import AGENT_BLOCKED, WHOSE, Reports, read_reports
+from bridge.record.events import AGENT_BLOCKED, PROCESS_LEFT, WHOSE, Reports, read_reports
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.schema import TableError
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from bridge.run.json_object import read_object, write_object
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.radio import config_of
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.verdict import UNJUDGED, verdict_of
@@ -58,6 +60,7 @@ def summarise(
         OSError, ValueError: if the router's ledger cannot be read.
     """
     ledger = _read_ledger(run, ending)
+    ledger["unjudged"] += _base_losses_not_counted(scenario, ledger)
     judged = [row for row in ledger["bins"] if is_judged(row)]
     within = sum(not is_outside(row) for row in judged)
     found, reports = digests(run.path), read_reports(run.path)
@@ -117,6 +120,7 @@ def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[s
         for event in reports.events
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
+    told += [event.text for event in reports.events if event.kind == PROCESS_LEFT]
     return [*told, *unknown_parameters(scenario, run)]
 
 
@@ -131,6 +135,23 @@ def _read_ledger(run: RunDirectory, ending: str) -> dict[str, Any]:
     if ending in UNJUDGED and not file.exists():
         return {"links": _recorded_links(run), "bins": [], "refused": {}, "checks": [], "unjudged": []}
     return read_object(file, "damaged")
+
+
+def _base_losses_not_counted(scenario: Scenario, ledger: dict[str, Any]) -> list[dict[str, Any]]:
+    """Networks whose radio has a base loss of which the run says nothing, though it drew something.
+
+    Code of agents that shares a process with the radio can take it away, and the check with it.
+    """
+    told = {item["name"] for item in (*ledger["checks"], *ledger["unjudged"])}
+    own = [node.radio for node in scenario.transceivers if node.radio is not None]
+    radios = {MAIN: [scenario.radio, *own]} | {name: [radio] for name, radio in scenario.networks.items()}
+    names = {
+        f"{network}: base loss" if len(radios) > 1 else "base loss"
+        for network, each in radios.items()
+        if any(config_of(radio).base_loss > 0.0 for radio in each)
+    }
+    why = "the radio has one, and no packet was counted"
+    return [{"name": name, "why": why} for name in sorted(names - told) if ledger["checks"]]
 
 
 def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:

@@ -103,7 +103,7 @@ class AgentRunner:
     def blocked(self, now_s: float) -> str:
         """What to tell of an agent that is at work on a tick, or in its constructor, for long, or was; "" if none is.
 
-        Once for each tick.
+        Once for each tick, and with the line that it is at if one of the looks within `BLOCKED_S` more finds it.
 
         Args:
             now_s: wall time, as `time.monotonic` has it.
@@ -112,10 +112,12 @@ class AgentRunner:
         work = self._work
         if late or work is None or now_s - work.since_s < BLOCKED_S:
             return late
+        place = whereabouts(self._thread.ident, self._loop.ready_coroutines())
+        if not place and now_s - work.since_s < 2 * BLOCKED_S:
+            return ""  # it goes from one of its lines to another: the next look may find it in one
         self._work = None
-        place = whereabouts(self._thread.ident)
         where = f", in {place}" if place else ""
-        return f"{work} takes {now_s - work.since_s:.0f} s of wall time so far{where}; the run waits for it"
+        return f"{work} takes more than {BLOCKED_S:g} s of wall time{where}; the run waits for it"
 
     def ask_to_stop(self) -> None:
         """Have the agent end; what it still transmits or commands on its way out has no effect."""

@@ -140,6 +140,13 @@ class SimLoop(asyncio.BaseEventLoop):
         """Look at it again later."""
         self._raised.append(task)
 
+    def ready_coroutines(self) -> list[object]:
+        """Those of the tasks that wait for nothing, in the order in which the tasks were made; from any thread."""
+        tasks: list[Any] = [
+            task for task in self._pending.copy() if getattr(task, "_fut_waiter", None) is None
+        ]
+        return [task.get_coro() for task in sorted(tasks, key=hash)]
+
     def _has_due_timer(self) -> bool:
         """Whether asyncio takes its earliest timer for due, by the comparison that it makes itself.
 

@@ -6,7 +6,9 @@ import os
 import sys
 import sysconfig
 import traceback
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import FrameType
 from typing import Final
 
 from bridge.scenario.resolve.modules import OURS
@@ -19,13 +21,29 @@ _NOT_THEIRS: Final = (
 """What the names of files begin with that are no agent's: Python's, those of installed packages, and ours."""
 
 
-def whereabouts(thread_id: int | None) -> str:
-    """The innermost line of an author's code in a thread, as ``agent.py, line 12 (on_tick)``; "" if there is none."""
+def whereabouts(thread_id: int | None, coroutines: Iterable[object] = ()) -> str:
+    """The innermost line of an author's code in a thread, as ``agent.py, line 12 (on_tick)``; "" if there is none.
+
+    Args:
+        thread_id: of the thread.
+        coroutines: looked at one after the other if the thread is in no such line, as between two steps of a task.
+    """
     frame = None if thread_id is None else sys._current_frames().get(thread_id)
-    if frame is None:
-        return ""
-    line = _innermost(traceback.extract_stack(frame))
-    return "" if line is None else f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+    stacks = [] if frame is None else [traceback.extract_stack(frame)]
+    stacks += [traceback.StackSummary.extract(_awaited_in(each)) for each in coroutines]
+    for line in map(_innermost, stacks):
+        if line is not None:
+            return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+    return ""
+
+
+def _awaited_in(coroutine: object) -> Iterator[tuple[FrameType, int]]:
+    """Frames and lines of a coroutine that is suspended, and of what it awaits."""
+    while coroutine is not None:
+        frame = getattr(coroutine, "cr_frame", None) or getattr(coroutine, "gi_frame", None)
+        if frame is not None:
+            yield frame, frame.f_lineno
+        coroutine = getattr(coroutine, "cr_await", None) or getattr(coroutine, "gi_yieldfrom", None)
 
 
 def place_of(error: BaseException | None) -> str:

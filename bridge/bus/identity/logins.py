@@ -26,6 +26,8 @@ NEEDED: Final = ",".join(
 """Zenoh is asked to log this; it prints a line for each login, none for a message."""
 DEFAULT: Final = "error"
 STDOUT = 1
+END: Final = "\x04\n"
+"""Ends the log that is read."""
 NO_PASSWORD = "no_password"
 WRONG_PASSWORD = "wrong_password"
 UNKNOWN_USER = "unknown_user"
@@ -69,17 +71,25 @@ class LoginWatch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.dup2(self._stdout, STDOUT)  # closes the pipe's only other end, so that the thread comes to its end
+        os.write(
+            STDOUT, END.encode()
+        )  # processes that an agent has started may have the pipe's other end, too
+        os.dup2(self._stdout, STDOUT)
         self._thread.join()
         self._pipe.close()
         os.close(self._stdout)
 
     def _read(self) -> None:
         for coloured in self._pipe:
-            line = _COLOUR.sub("", coloured)
-            reason = why_refused(line)
-            if reason is not None:
-                self._refused[reason] += 1
-                self._on_refused(reason, self._refused[reason])
-            elif not _EXPECTED.search(line):
-                os.write(self._stdout, line.encode())
+            text, end, _ = coloured.partition(END)
+            self._take(_COLOUR.sub("", text))
+            if end:
+                return
+
+    def _take(self, line: str) -> None:
+        reason = why_refused(line)
+        if reason is not None:
+            self._refused[reason] += 1
+            self._on_refused(reason, self._refused[reason])
+        elif not _EXPECTED.search(line):
+            os.write(self._stdout, line.encode())

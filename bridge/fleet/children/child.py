@@ -153,8 +153,16 @@ class Child:
         self._process.send_signal(self.spec.stop_signal)
 
     def kill(self) -> None:
-        """End it at once."""
+        """End it at once, and what it has started."""
+        import psutil  # late: few have to be killed
+
+        started: list[psutil.Process] = []
+        with suppress(psutil.Error):
+            started = psutil.Process(self.pid).children(recursive=True)
         self._process.kill()
+        for process in started:
+            with suppress(psutil.Error):
+                process.kill()
 
     def log_tail(self, lines: int = 5) -> str:
         """The last lines of its log, which may be of any size; "" if somebody has removed it."""

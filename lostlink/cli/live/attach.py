@@ -58,7 +58,11 @@ def attach(
     say = (lambda _: None) if quiet else tell
     try:
         plan = plan_of(AttachRequest(run, node, radio, subnet, mtu))
-        with claimed(plan.directory.path, plan.title, node, command):
+        with claimed(plan.directory.path, plan.title, node, command, str(plan.subnet)) as elsewhere:
+            if elsewhere:
+                tell(
+                    f"warning: a program on {plan.subnet} reaches none on another --subnet: node {elsewhere}"
+                )
             status, counts = attached(plan, command, say, warn=tell)
     except (ValueError, OSError, SessionError, AlreadyAttached, NoProgram) as error:
         fail(error, CANNOT_ATTACH)

@@ -285,7 +285,9 @@ def test_a_run_that_may_move_flies_at_free_ports(tmp_path: Path, free_slot: Call
 
 
 OWN = """\
+import asyncio
 import time
+
 from bridge.agents import Agent
 
 
@@ -298,11 +300,13 @@ class Mine(Agent):
             time.sleep(0.01)
 
     async def fly(self):
-        await self.sleep(3600)
+        await self.sleep(2 if self.options["does"] == "spin" else 3600)
+        while True:
+            await asyncio.sleep(0)
 
     def on_tick(self, sim_time_ns):
         super().on_tick(sim_time_ns)
-        if sim_time_ns < 2_000_000_000:
+        if sim_time_ns < 2_000_000_000 or self.options["does"] == "spin":
             return
         if self.options["does"] == "raise":
             raise ArithmeticError("a mistake of mine")
@@ -328,7 +332,7 @@ def test_an_agent_that_raises_ends_the_run_with_its_tick(
     run.wait_for("sim time")
     children = run.children()
     assert run.finish() == 1
-    told = "the agent of UA 1 failed: ArithmeticError at a tick: a mistake of mine (mine.py:21)"
+    told = "the agent of UA 1 failed: ArithmeticError at a tick: a mistake of mine (mine.py:25)"
     assert run.summary["error"] == f"{told}; its log is logs/node-1.log"
     assert f"lostlink: {told}; its log is {run.directory}/logs/node-1.log" in run.output.decode()
     assert "Traceback" not in run.output.decode()
@@ -343,7 +347,7 @@ def test_an_agent_that_cannot_be_made_ends_the_run_by_name(
 ) -> None:
     run = start_run(scenario=with_an_agent_that(tmp_path, "construct"), processes=processes)
     assert run.finish() == 1
-    told = "the agent of UA 1 failed: KeyError in its constructor: 'altitud' (mine.py:9)"
+    told = "the agent of UA 1 failed: KeyError in its constructor: 'altitud' (mine.py:11)"
     log = run.directory / "logs" / "node-1.log"
     assert run.summary["error"] == f"{told}; its log is logs/node-1.log"
     assert run.summary["may_not_repeat"] == []
@@ -501,11 +505,67 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     children = run.children()
     assert run.finish(150.0) == 1
     assert run.summary["ending"] == "failed"
-    assert run.summary["error"].startswith("sim time has stood at 2.00 s for ")
+    place = r"mine\.py, line 2[78] \(on_tick\); the run waits for it"
+    told = rf"; the agent of UA 1: the tick at 2.00 s takes more than 5 s of wall time, in {place}; a run "
+    assert re.match(rf"sim time has stood at 2\.00 s for \d+ s{told}", run.summary["error"])
     assert "needs fdm.stall_timeout_s above 45, half of what it waits\n" in run.summary["error"]
     assert f"\nlogs/{host_of(processes)}.log: " in run.summary["error"]
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
+
+
+STARTS = """\
+import subprocess
+
+from lostlink import Agent
+
+
+class Mine(Agent):
+    async def fly(self):
+        subprocess.Popen(["sleep", "600"], start_new_session=True)
+        await self.sleep(1.0)
+        if self.options["does"] == "raise":
+            raise ArithmeticError("a mistake of mine")
+"""
+
+
+@both
+@pytest.mark.parametrize("does", ["end", "raise"])
+def test_what_an_agent_has_started_ends_with_the_run(
+    start_run: StartRun, tmp_path: Path, processes: str, does: str
+) -> None:
+    scenario = with_an_agent_that(tmp_path, does)
+    (tmp_path / "mine.py").write_text(STARTS)
+    run = start_run("--no-mcap", scenario=scenario, processes=processes, duration_s=3.0)
+    assert run.finish() == (1 if does == "raise" else 0)
+    told = "a process that an agent had started was ended with the run: sleep 600"
+    [event] = [event for event in run.summary["events"] if event["kind"] == "process_left"]
+    pid = re.fullmatch(rf"{told} \(pid (\d+)\)", event["text"])
+    assert pid
+    assert not psutil.pid_exists(int(pid[1])) or psutil.Process(int(pid[1])).status() == psutil.STATUS_ZOMBIE
+    assert f"warning: {event['text']}\n" in run.output.decode()
+    assert event["text"] in run.summary["warnings"]
+
+
+IMPATIENT = "from bridge.fleet import supervisor; supervisor.SILENCE_S = 8.0"
+
+
+@pytest.mark.slow
+@both
+def test_an_agent_that_never_awaits_sim_time_is_given_up_with_its_line(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    scenario = with_an_agent_that(tmp_path, "spin")
+    run = start_run("--no-mcap", scenario=scenario, processes=processes, first=IMPATIENT)
+    assert run.finish(60.0) == 1
+    told = re.fullmatch(
+        r"sim time has stood at 2\.00 s for \d+ s; the agent of UA 1: (the tick at .* s of wall time, in mine\.py, "
+        r"line 1[78] \(fly\)); the run waits for it; a run whose ticks take longer needs .*",
+        run.summary["error"],
+        re.DOTALL,
+    )
+    assert told, run.summary["error"]
+    assert f"warning: the agent of UA 1: {told[1]}" in run.output.decode()
 
 
 FULL = """\

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -49,6 +50,16 @@ def test_packets_go_to_a_radio_by_name_and_are_numbered_together() -> None:
         ("gcs", "team", 3, "main"),
         ("1", "team", 4, "main"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [({"channel": 7}, "channel=7"), ({"to": None}, "to=None"), ({"radio": b"mesh"}, "radio=b'mesh'")],
+)
+def test_what_is_no_text_is_refused_by_name(given: dict[str, Any], named: str) -> None:
+    arguments: dict[str, Any] = {"channel": "team", "payload": b"x"} | given
+    with pytest.raises(TypeError, match=f"^transmit: {named} is no text$"):
+        client(Outlet()).transmit(**arguments)
 
 
 def test_a_radio_that_is_not_there_and_a_node_that_is_not_on_its_network_are_refused() -> None:

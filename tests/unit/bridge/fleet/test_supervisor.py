@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 import sys
 import time
 from pathlib import Path
@@ -16,7 +17,7 @@ from bridge.fleet.children.child import ProcessSpec
 from bridge.fleet.course import Ending, FleetError
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.supervisor import Fleet, Observer, patience_of
-from bridge.record.events import Reports, RunEvent, read_reports
+from bridge.record.events import AGENT_BLOCKED, Report, Reports, RunEvent, read_reports
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.timeouts import SILENCE_S
@@ -37,6 +38,7 @@ def test_time_may_stand_still_for_longer_than_an_autopilot_may_be_silent(
     assert patience_of(with_changes(read_scenario("separation"), changes)) == patience_s
 
 
+TICK_NS = 50_000_000
 STUBBORN = "import signal, time; signal.signal(15, lambda *_: None); print('up', flush=True); time.sleep(60)"
 OBSERVER = Observer(lambda _: None, lambda _: None)
 
@@ -142,6 +144,33 @@ async def test_a_run_is_not_given_up_for_the_time_in_which_its_command_was_stopp
     assert not flight.done()
     fleet.clock(Clock(Header.at(1_000_000_000, "")))
     before = time.monotonic()
-    with pytest.raises(FleetError, match=r"sim time has stood at 1\.00 s for "):
+    with pytest.raises(
+        FleetError, match=r"sim time has stood at 1\.00 s for \d+ s; a run whose ticks take longer"
+    ):
         await flight
     assert time.monotonic() - before > 0.5
+
+
+@pytest.mark.parametrize(("lookahead_ticks", "at_ns"), [(0, 1_000_000_000), (1, 1_000_000_000 - TICK_NS)])
+async def test_a_run_given_up_for_an_agent_says_which_and_its_line(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch, lookahead_ticks: int, at_ns: int
+) -> None:
+    monkeypatch.setattr(supervisor, "patience_of", lambda _: 0.2)
+    monkeypatch.setattr(supervisor, "LOOK_PERIOD_S", 0.05)
+    scenario = with_changes(read_scenario("separation"), {"lookahead_ticks": lookahead_ticks})
+    report = Report(run.path, "node-1")
+    for sim_time_ns, line in ((at_ns - TICK_NS, 3), (at_ns, 7)):
+        text = f"the tick takes long, in mine.py, line {line} (fly)"
+        report.event(sim_time_ns, "1", AGENT_BLOCKED, text)
+    report.close()
+    fleet = OnlyWatched(scenario, run, OBSERVER, how="many")
+    fleet.clock(Clock(Header.at(1_000_000_000, "")))
+    with pytest.raises(FleetError) as told:
+        await fleet.fly()
+    first, _, _ = str(told.value).partition(
+        "; a run whose ticks take longer needs fdm.stall_timeout_s above "
+    )
+    assert re.fullmatch(
+        r"sim time has stood at 1\.00 s for \d+ s; the agent of UA 1: the tick takes long, in mine\.py, line 7 \(fly\)",
+        first,
+    )

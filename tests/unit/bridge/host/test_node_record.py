@@ -146,6 +146,7 @@ def test_what_somebody_must_see_is_an_event_and_told_at_once(run: RunDirectory) 
     record.on_warning = told.append
     record.now_ns = TICK_NS
     record.agent_blocked("it has been at work")
+    assert read_reports(run.path).events == tuple(told)  # no other tick may come
     record.other_system(7)
     record.warn("put await before it")
     assert [event.kind for event in told] == [AGENT_BLOCKED, OTHER_SYSTEM, AGENT_WARNING]

@@ -14,7 +14,8 @@ from bridge.radio.ledger_file import LEDGER
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
-from bridge.scenario.file import read_scenario
+from bridge.scenario.file import read_scenario, with_changes
+from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from lostlink.flight.bins_table import bins_table
 from lostlink.flight.figure import draw_probability_of_delivery
@@ -39,7 +40,11 @@ def check(name: str, chance: float) -> dict[str, Any]:
 
 
 def summary_of(
-    path: Path, bins: list[dict[str, Any]], ending: str = "done", checks: list[dict[str, Any]] | None = None
+    path: Path,
+    bins: list[dict[str, Any]],
+    ending: str = "done",
+    checks: list[dict[str, Any]] | None = None,
+    scenario: Scenario = SCENARIO,
 ) -> dict[str, Any]:
     sent, delivered = (sum(b[k] for b in bins) for k in ("sent", "delivered"))
     links = [
@@ -54,7 +59,7 @@ def summary_of(
     (path / LEDGER).write_text(
         json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or [], "unjudged": []})
     )
-    return summarise(SCENARIO, RunDirectory(path), Timing(100.0, 10.0), ending)
+    return summarise(scenario, RunDirectory(path), Timing(100.0, 10.0), ending)
 
 
 def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
@@ -63,6 +68,33 @@ def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:
     assert verdict == "pass: 2 checks of draws against the model; 25 of 50 packets delivered"
     verdict = summary_of(tmp_path, [row(0, 50, 0.5)], checks=[good, bad])["verdict"]
     assert verdict.startswith("fail: 1 of 2 checks against the model: level of the powers (chance 1e-05)")
+
+
+@pytest.mark.parametrize(
+    ("changes", "checked", "names"),
+    [
+        ({}, "base loss", []),
+        ({"radio": "wifi-2.4"}, "base loss", []),
+        ({"radio": "wifi-2.4"}, "losses", ["base loss"]),
+        ({"radio": "wifi-2.4"}, "", []),
+        (
+            {"nodes.1.radio": "wifi-2.4", "radio": {"preset": "wifi-2.4", "base_loss": 0}},
+            "losses",
+            ["base loss"],
+        ),
+        ({"networks": {"video": "wifi-5.8"}}, "main: losses", ["video: base loss"]),
+        ({"networks": {"video": "wifi-5.8"}}, "video: base loss", []),
+    ],
+)
+def test_a_base_loss_that_nobody_counted_is_told(
+    tmp_path: Path, changes: dict[str, Any], checked: str, names: list[str]
+) -> None:
+    """As of agents that take it out of the radio in their process."""
+    checks = [check(checked, 0.2)] if checked else []
+    summary = summary_of(tmp_path, [row(0, 50, 0.5)], checks=checks, scenario=with_changes(SCENARIO, changes))
+    assert [item["name"] for item in summary["unjudged"]] == names
+    for name in names:
+        assert f"not judged: {name} (the radio has one, and no packet was counted)" in summary["verdict"]
 
 
 def test_bins_alone_fail_no_run(tmp_path: Path) -> None:

@@ -13,14 +13,16 @@ PREFIX = (
     "2026-11-21T23:47:15.925037Z DEBUG acc-0 ThreadId(05) zenoh_transport::unicast::establishment::accept: "
 )
 SCRIPT = """\
-import os
+import os, subprocess
 from bridge.bus.identity.logins import LoginWatch
 
 told = []
 with LoginWatch(lambda *refusal: told.append(refusal)):
     for line in {lines!r}:
         os.write(1, line.encode() + b"\\n")
+    child = subprocess.Popen(["sleep", "60"], stderr=subprocess.DEVNULL)  # which has the log's end for its stdout
 print(told)
+child.kill()
 """
 
 

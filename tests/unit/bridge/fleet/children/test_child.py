@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +124,22 @@ async def test_a_process_that_says_nothing_is_killed(tmp_path: Path) -> None:
     child = await started(tmp_path)
     assert await end_with_news(child, asyncio.Event(), 0.5) == ["router"]
     assert child.how_it_ended == "was ended by SIGKILL"
+
+
+async def test_what_is_killed_leaves_nothing_that_it_has_started(tmp_path: Path) -> None:
+    program = (
+        "import subprocess, time; subprocess.Popen(['sleep', '60']); print('up', flush=True); time.sleep(60)"
+    )
+    log = tmp_path / "starts.log"
+    child = Child(ProcessSpec("starts", [sys.executable, "-c", program], log))
+    while "up" not in log.read_text():  # noqa: ASYNC110 - a file has no event
+        await asyncio.sleep(0.01)
+    [started_by_it] = psutil.Process(child.pid).children()
+    child.kill()
+    await child.ended
+    until = time.monotonic() + 5.0
+    while started_by_it.is_running() and started_by_it.status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < until
 
 
 async def test_the_exit_status_is_the_childs_however_often_it_is_asked_to_end(tmp_path: Path) -> None:
