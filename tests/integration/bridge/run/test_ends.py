@@ -242,8 +242,8 @@ def test_a_run_that_nobody_reads_any_more_ends_in_order(
     ) as run:
         assert run.stdout is not None
         assert run.stderr is not None
-        while not run.stdout.readline().startswith(begin.encode()):
-            pass
+        while not (line := run.stdout.readline()).startswith(begin.encode()):
+            assert line, run.stderr.read()
         run.stdout.close()
         assert run.wait(30.0) == 128 + signal.SIGPIPE
         assert run.stderr.read() == b""
