@@ -105,11 +105,19 @@ class _Setter:
             here = replace(here, content={})
         if not here.is_mapping:
             self._refuse(f"{self.root.dotted(path)} is {here.content!r}, which has no keys")
-        step = steps[0]
-        if len(steps) == 1 and removes(here, step, self.value):
+        step, rest = self._key(here, steps)
+        if not rest and removes(here, step, self.value):
             return here.without(step)
-        below = here.get(step) or Written({} if len(steps) > 1 else None, self.value.place)
-        return here.having(step, self.put(below, (*path, step), steps[1:]))
+        below = here.get(step) or Written({} if rest else None, self.value.place)
+        return here.having(step, self.put(below, (*path, step), rest))
+
+    @staticmethod
+    def _key(here: Written, steps: Sequence[str]) -> tuple[str, Sequence[str]]:
+        """The key meant, and the steps that are left; one that is there, a network's name say, may have dots in it."""
+        for length in range(len(steps), 1, -1):
+            if here.get(key := ".".join(steps[:length])) is not None:
+                return key, steps[length:]
+        return steps[0], steps[1:]
 
     def _put_in_nodes(self, nodes: Written, steps: Sequence[str]) -> Written:
         chosen, rest = self._chosen(nodes, steps)
