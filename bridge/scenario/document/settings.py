@@ -49,10 +49,11 @@ Overrides = Mapping[str, Any] | Sequence[Setting]
 
 
 def settings_of(overrides: Overrides) -> list[Setting]:
-    """Overrides as settings; mistakes in those given by key are reported as such."""
+    """Overrides as settings; mistakes in those given by key are reported as such, files seen from where we are."""
     if not isinstance(overrides, Mapping):
         return list(overrides)
-    return [Setting(key, value, f"override {key}={value!r}") for key, value in overrides.items()]
+    folder = Path.cwd()
+    return [Setting(key, value, f"override {key}={value!r}", folder) for key, value in overrides.items()]
 
 
 def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Setting:
