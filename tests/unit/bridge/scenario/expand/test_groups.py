@@ -185,6 +185,10 @@ def test_values_of_a_pattern_follow_count_and_index() -> None:
         ("{id: 0, count: 2, agent: {type: hold, altitude_m: '{1 / i}'}}", "{1 / i} cannot be computed"),
         ("{id: 0, count: 2, agent: {type: hold, altitude_m: '{i'}}", "nodes.0.agent.altitude_m: "),
         (
+            "{id: 0, count: 2, airframe: '{i:9999999999999}', agent: {}}",
+            "{i:9999999999999} cannot be computed",
+        ),
+        (
             "{id: 0, count: 2, airframe: {each: []}, agent: {type: still}}",
             "nodes.0.airframe.each: has to be a list",
         ),
