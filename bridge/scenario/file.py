@@ -105,6 +105,8 @@ def _files_readable(source: str) -> Iterator[None]:
 
 def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scenario:
     settings = settings_of(overrides)
+    anew = max((number for number, each in enumerate(settings) if each.key == "nodes"), default=0)
+    settings = [each for number, each in enumerate(settings) if number >= anew or not each.is_of_nodes]
     of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each.steps)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
     root = with_settings(with_groups_expanded(root), of_nodes)

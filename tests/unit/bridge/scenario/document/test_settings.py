@@ -64,6 +64,12 @@ def test_a_star_means_all_nodes_and_later_settings_win() -> None:
     assert it.radio == "disk"
 
 
+def test_nodes_that_are_set_later_win_over_settings_of_single_nodes() -> None:
+    nodes = "nodes=[{id: 2, agent: {type: still}}]"
+    assert changed("nodes.2.home.north_m=5", nodes).ua[0].home.north_m == 0.0
+    assert changed("nodes.4.home.north_m=5", nodes, "nodes.2.home.north_m=6").ua[0].home.north_m == 6.0
+
+
 EMITTER = "  - {id: b, kind: emitter, frequency_hz: 433e+6, power_dbm: 20}\n"
 
 
