@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from bridge.scenario.document.extends import SCENARIOS, read_file, read_text, scenario_names
+from bridge.scenario.document.extends import SCENARIOS, read_file, read_text, scenario_names, with_extended
 from bridge.scenario.document.files import Find, with_absolute_files
 from bridge.scenario.document.settings import Overrides, settings_of, with_settings
 from bridge.scenario.document.written import Written, WrittenPlace, plain, written_at
@@ -26,6 +26,7 @@ __all__ = [
     "ScenarioError",
     "parse_scenario",
     "read_scenario",
+    "scenario_from",
     "scenario_names",
     "with_changes",
 ]
@@ -59,17 +60,38 @@ def parse_scenario(text: str, source_name: str, folder: Path = Path(), overrides
         return _scenario_of(read_text(text, source_name, folder.absolute()), overrides)
 
 
+def scenario_from(content: Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
+    """Check what a program has of a scenario: the content of a file, or one that was read already, or made.
+
+    Files that it names are as seen from the working directory; the scenario has their absolute paths.
+
+    Raises:
+        ScenarioError: with one line per mistake.
+    """
+    root = (
+        _written(content) if isinstance(content, Scenario) else written_at(dict(content), _here("scenario"))
+    )
+    with _files_readable(root.place.source):
+        return _scenario_of(with_extended(root), overrides)
+
+
 def with_changes(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
     """A scenario that is read already, with values by dotted key in place of its own. Names are not looked for.
 
     Raises:
         ScenarioError: if a value is not allowed.
     """
-    content = scenario.model_dump(mode="json", by_alias=True)
-    root = written_at(content, WrittenPlace(scenario.name, None, Path.cwd()))
-    root = with_settings(root, settings_of(changes))
+    root = with_settings(_written(scenario), settings_of(changes))
     refuse_no_texts(root)
     return _validated(root)
+
+
+def _written(scenario: Scenario) -> Written:
+    return written_at(scenario.model_dump(mode="json", by_alias=True), _here(scenario.name))
+
+
+def _here(source: str) -> WrittenPlace:
+    return WrittenPlace(source, None, Path.cwd())
 
 
 @contextmanager
@@ -83,6 +105,8 @@ def _files_readable(source: str) -> Iterator[None]:
 
 def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scenario:
     settings = settings_of(overrides)
+    anew = max((number for number, each in enumerate(settings) if each.key == "nodes"), default=0)
+    settings = [each for number, each in enumerate(settings) if number >= anew or not each.is_of_nodes]
     of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each.steps)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
     root = with_settings(with_groups_expanded(root), of_nodes)

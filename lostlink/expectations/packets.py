@@ -79,7 +79,7 @@ class PacketFinder:
         """
         begin_s, until_s = wanted.between_s or (0.0, end_s)
         until_s = min(until_s, end_s)
-        if until_s <= begin_s:
+        if until_s < begin_s:
             return None
         senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
         ages = [self._greatest_age_s(tx, wanted.node, begin_s, until_s) for tx in senders if tx is not None]
@@ -88,8 +88,10 @@ class PacketFinder:
     def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
         heard = self._of(tx, rx) & self._rows.is_delivered
         generated_ns, came_ns = (self._rows.columns[name][heard] for name in ("sim_time_ns", "received_ns"))
-        age = sawtooth(generated_ns, came_ns, round(begin_s * 1e9), round(until_s * 1e9), since_ns=0).age
-        return round(age.peak_s, DECIMALS_S)
+        begin_ns, until_ns = round(begin_s * 1e9), round(until_s * 1e9)
+        at_begin_ns = begin_ns - generated_ns[came_ns <= begin_ns].max(initial=0)  # all that an instant has
+        peak_s = sawtooth(generated_ns, came_ns, begin_ns, until_ns, since_ns=0).age.peak_s
+        return round(float(np.fmax(peak_s, at_begin_ns / 1e9)), DECIMALS_S)
 
     def lost_by_host(self) -> int:
         """Packets that never got to the radio, once per receiver."""
@@ -106,7 +108,9 @@ class PacketFinder:
         return chosen
 
     def _between(self, interval_s: tuple[float, float] | None) -> Mask:
-        times_ns = self._rows.columns["sim_time_ns"]
+        times_s = (
+            self._rows.columns["sim_time_ns"] / 1e9
+        )  # the float that a time of the scenario is: no product
         if interval_s is None:
-            return np.ones(len(times_ns), dtype=np.bool_)
-        return (times_ns >= interval_s[0] * 1e9) & (times_ns <= interval_s[1] * 1e9)
+            return np.ones(len(times_s), dtype=np.bool_)
+        return (times_s >= interval_s[0]) & (times_s <= interval_s[1])

@@ -15,7 +15,7 @@ from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import at_own_or_free_ports, at_own_ports
 from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory
-from bridge.scenario.file import parse_scenario, read_scenario, with_changes
+from bridge.scenario.file import read_scenario, scenario_from
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
 from lostlink.flight.console import plain_console
@@ -23,7 +23,6 @@ from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.progress import Progress
 from lostlink.reading.run import Run, load_run
-from sitl_configs.yaml_text import yaml_of
 
 Autopilot = AutopilotName
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
@@ -135,11 +134,8 @@ def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
     Raises:
         ScenarioError: it cannot be used.
     """
-    if isinstance(scenario, Scenario):
-        return with_changes(scenario, overrides)
-    if isinstance(scenario, Mapping):
-        text = yaml_of(dict(scenario))
-        return parse_scenario(text, "scenario", Path.cwd(), overrides)
+    if isinstance(scenario, Scenario | Mapping):
+        return scenario_from(scenario, overrides)
     return read_scenario(scenario, overrides)
 
 

@@ -12,8 +12,9 @@ from bridge.scenario.resolve.flight import wind_of
 
 def too_late(scenario: Scenario) -> Iterator[str]:
     """Warnings: what begins when the run is over, however long it takes."""
-    end_s = scenario.duration_s
-    ends = f"and the run ends at duration_s, {end_s:g} s"
+    ends = f"and the run ends at duration_s, {scenario.duration_s:g} s"
+    ticks = -(-round(scenario.duration_s * 1e9) // scenario.tick_period_ns)  # it ends with a whole one
+    end_s = ticks * scenario.tick_period_ns / 1e9
     for what, begins_s in _events(scenario):
         if begins_s >= end_s:
             yield f"{what} {begins_s:g} s, {ends}"

@@ -217,7 +217,8 @@ class RecordedLink:
             raise AssertionError(ended)
         rows = self._extent.columns(self._run, "deliveries")
         ours = (rows["tx"] == self.tx) & ((rows["rx"] == self.rx) | (rows["rx"] == ALL))
-        ours &= (rows["sim_time_ns"] >= from_s * NS_PER_S) & (rows["sim_time_ns"] < to_s * NS_PER_S)
+        sent_s = rows["sim_time_ns"] / NS_PER_S
+        ours &= (sent_s >= from_s) & (sent_s < to_s)
         if min_m > 0.0 or max_m < np.inf:
             self._extent.reach(to_s, "truth")
             distance_m = self._distance_m({name: column[ours] for name, column in rows.items()})

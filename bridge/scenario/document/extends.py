@@ -53,7 +53,11 @@ def read_text(text: str, source: str, folder: Path, reading: tuple[Path, ...] = 
     Raises:
         ScenarioError: it is not YAML, or what it extends cannot be read.
     """
-    root = read_yaml(text, source, folder)
+    return with_extended(read_yaml(text, source, folder), reading)
+
+
+def with_extended(root: Written, reading: tuple[Path, ...] = ()) -> Written:
+    """A scenario with what it extends below it; arguments and errors as of `read_text`."""
     extends = root.get(EXTENDS)
     if extends is None:
         _refuse_without(root)

@@ -49,10 +49,11 @@ Overrides = Mapping[str, Any] | Sequence[Setting]
 
 
 def settings_of(overrides: Overrides) -> list[Setting]:
-    """Overrides as settings; mistakes in those given by key are reported as such."""
+    """Overrides as settings; mistakes in those given by key are reported as such, files seen from where we are."""
     if not isinstance(overrides, Mapping):
         return list(overrides)
-    return [Setting(key, value, f"override {key}={value!r}") for key, value in overrides.items()]
+    folder = Path.cwd()
+    return [Setting(key, value, f"override {key}={value!r}", folder) for key, value in overrides.items()]
 
 
 def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Setting:
@@ -105,11 +106,19 @@ class _Setter:
             here = replace(here, content={})
         if not here.is_mapping:
             self._refuse(f"{self.root.dotted(path)} is {here.content!r}, which has no keys")
-        step = steps[0]
-        if len(steps) == 1 and removes(here, step, self.value):
+        step, rest = self._key(here, steps)
+        if not rest and removes(here, step, self.value):
             return here.without(step)
-        below = here.get(step) or Written({} if len(steps) > 1 else None, self.value.place)
-        return here.having(step, self.put(below, (*path, step), steps[1:]))
+        below = here.get(step) or Written({} if rest else None, self.value.place)
+        return here.having(step, self.put(below, (*path, step), rest))
+
+    @staticmethod
+    def _key(here: Written, steps: Sequence[str]) -> tuple[str, Sequence[str]]:
+        """The key meant, and the steps that are left; one that is there, a network's name say, may have dots in it."""
+        for length in range(len(steps), 1, -1):
+            if here.get(key := ".".join(steps[:length])) is not None:
+                return key, steps[length:]
+        return steps[0], steps[1:]
 
     def _put_in_nodes(self, nodes: Written, steps: Sequence[str]) -> Written:
         chosen, rest = self._chosen(nodes, steps)

@@ -124,7 +124,9 @@ def plain(written: Written) -> Any:
 
 
 def written_at(value: Any, place: WrittenPlace) -> Written:
-    """A plain value, all of it written at one place."""
+    """A plain value, all of it written at one place; what numpy has is as Python has it."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, dict):
         return Written({str(key): written_at(part, place) for key, part in value.items()}, place)
     if isinstance(value, list | tuple):

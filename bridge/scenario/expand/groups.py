@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TypeGuard
 from pydantic import ValidationError
 
 from bridge.scenario.document.written import Path_, Written, plain
-from bridge.scenario.expand.patterns import PATTERNS, PlaceDraws, Spot
+from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained, shown
@@ -98,20 +98,19 @@ class _Group:
 
     def __init__(self, root: Written, node: Written, path: Path_, seed: int) -> None:
         self._root, self._node, self._path, self._seed = root, node, path, seed
+        self._known: dict[str, list[Spot]] = {}
 
     def nodes(self) -> Iterator[Written]:
         """Its nodes."""
         count = self._count()
         self._refuse_wrong_id()
         place_key = PLACES.get(self._kind, "home")
-        spots = self._spots(place_key, count)
         for index in range(count):
             names = {"i": index, "n": count}
             node = self._filled(self._node.without(COUNT), self._path, names)
             node = node.having("id", self._id(node, index))
-            if spots is not None:
-                place = node.get(place_key)
-                assert place is not None, "it has the pattern"
+            place = node.get(place_key)
+            if place is not None and (spots := self._spots(place, place_key, count)) is not None:
                 node = node.having(place_key, self._placed(place, spots[index]))
             yield node
 
@@ -178,12 +177,9 @@ class _Group:
             raise ScenarioError(f"{written.place}: {key}: has to be a list of values, one for each node")
         return values[index % len(values)]
 
-    def _spots(self, place_key: str, count: int) -> list[Spot] | None:
-        """The places of a pattern, if there is one."""
-        place = self._node.get(place_key)
-        named = [key for key in PATTERNS if place is not None and place.get(key)]
-        if place is None:
-            return None
+    def _spots(self, place: Written, place_key: str, count: int) -> list[Spot] | None:
+        """The places of a pattern, if there is one; all of them, as each node has the pattern by its own index."""
+        named = [key for key in PATTERNS if place.get(key)]
         if not named:
             self._refuse_near_misses(place, place_key)
             return None
@@ -191,7 +187,12 @@ class _Group:
             self._refuse(place, (place_key,), f"{' and '.join(named)}: give one pattern")
         path = (*self._path, place_key, named[0])
         written = place.content[named[0]]
-        model = PATTERNS[named[0]]
+        key = named[0] + repr(plain(written))
+        if key not in self._known:
+            self._known[key] = self._spots_of(PATTERNS[named[0]], written, path, count)
+        return self._known[key]
+
+    def _spots_of(self, model: type[Pattern], written: Written, path: Path_, count: int) -> list[Spot]:
         try:
             pattern = model.model_validate(plain(written))
         except ValidationError as error:

@@ -59,7 +59,7 @@ def _part(
         raise ValueError(_mistake(f"{expression}!{conversion}", names))
     try:
         return literal + format(computed(expression, names), spec or "")
-    except ValueError as error:
+    except (ValueError, MemoryError) as error:
         raise ValueError(_mistake(expression if not spec else f"{expression}:{spec}", names)) from error
 
 

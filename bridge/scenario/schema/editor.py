@@ -62,14 +62,14 @@ def editor_schema() -> Schema:
     parts = {PART + name: _part_of(part, definitions) for name, part in definitions.items()}
     _with_groups(parts)
     patterns = {
-        name: or_null(part) for model in PATTERNS.values() for name, part in schemas_of(model).items()
+        name: _part_of(part, {}) for model in PATTERNS.values() for name, part in schemas_of(model).items()
     }
     presets = _preset_schemas(RADIO, RadioConfig, preset_names()) | _preset_schemas(
         WIND, WindConfig, wind_names()
     )
     properties = scenario["properties"]
     part_of_scenario = _part_of(scenario, definitions)["properties"]
-    lists = {"expectations": properties["expectations"]}  # a list takes the place of another, whole
+    lists = {"expectations": or_null(properties["expectations"])}  # a list takes the place of another, whole
     return {
         "$schema": DRAFT,
         "title": "lostlink scenario",

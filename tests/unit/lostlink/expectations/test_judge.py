@@ -70,6 +70,15 @@ def test_delivery(run: Path, expectation: dict[str, Any], found: float | None, p
     assert judgement.passed is passed
 
 
+def test_both_ends_of_an_interval_are_inside(tmp_path: Path) -> None:
+    """2.05 s is tick 41, and 2.05 * 1e9 is less than its time; 8.3 * 1e9 is more than that of tick 166."""
+    run = make_run(tmp_path / "run", lambda made: made.change_row(2 * 41, fate="channel_erasure"), ticks=170)
+    for begin_s, until_s, found in ((0, 2.05, 41 / 42), (2.05, 2.05, 0.0), (8.3, 8.4, 1.0), (8.3, 8.3, 1.0)):
+        assert judged(run, type="delivery", to=1, between_s=[begin_s, until_s], at_least=0.0).found == (
+            pytest.approx(found, abs=1e-6)
+        )
+
+
 @pytest.mark.parametrize(
     ("expectation", "found", "passed"),
     [
@@ -80,6 +89,11 @@ def test_delivery(run: Path, expectation: dict[str, Any], found: float | None, p
         ({"node": 1, "between_s": [0.3, 0.9], "at_most_s": 0.25}, 0.25, True),
         ({"node": 1, "between_s": [0, 0.3], "at_most_s": 0.2}, 0.1, True),
         ({"node": 1, "between_s": [5, 6], "at_most_s": 0.2}, None, False),
+        # at an instant: a packet that comes then has come
+        ({"node": 1, "from": 0, "between_s": [0, 0], "at_most_s": 0.1}, 0.0, True),
+        ({"node": 1, "from": 0, "between_s": [0.25, 0.25], "at_most_s": 0.1}, 0.05, True),
+        ({"node": 1, "from": 0, "between_s": [0.42, 0.42], "at_most_s": 0.2}, 0.22, False),
+        ({"node": 1, "from": 0, "between_s": [0.95, 9], "at_most_s": 0.1}, 0.05, True),
     ],
 )
 def test_age(run: Path, expectation: dict[str, Any], found: float | None, passed: bool) -> None:

@@ -194,6 +194,13 @@ def test_what_comes_after_the_end_is_warned_of(told: str, what: dict[str, Any]) 
     assert line.startswith(told)
 
 
+def test_the_end_is_a_whole_tick() -> None:
+    """With 20 ticks a second, a run of 2.03 s ends with that of 2.05 s."""
+    expected = [{"type": "delivery", "between_s": [begin_s, 9], "at_least": 0.5} for begin_s in (2.05, 2.06)]
+    [line] = warnings(**CLAMPED | {"duration_s": 2.03, "expectations": expected})
+    assert "begins at 2.06 s, and the run ends at duration_s, 2.03 s: it will not be met" in line
+
+
 @pytest.mark.parametrize("key", ["between_s", "distance_m"])
 def test_an_interval_that_falls_is_a_mistake(key: str) -> None:
     expected = {"expectations": [{"type": "delivery", key: [70, 10], "at_least": 0.5}]}

@@ -45,6 +45,16 @@ class Made:
         }
 
 
+class Ticking(Made):
+    """That record, with a packet at each tick of 50 ms."""
+
+    def columns(self, table, columns=None):
+        assert table == "deliveries"
+        packet = {name: column[:1] for name, column in super().columns(table).items()}
+        ticks = {name: np.repeat(column, 200) for name, column in packet.items()}
+        return ticks | {"sim_time_ns": np.arange(200) * 50_000_000}
+
+
 class Becoming(Made):
     """That record, which cannot be read the first times: ``troubles`` are raised, one at each look."""
 
@@ -197,6 +207,14 @@ def test_what_a_link_delivered_by_time_and_distance():
         link.delivery(from_s=100.0)
     with pytest.raises(AssertionError, match="nothing was sent from 1 to 0"):
         RecordedLink(Made(), "1", "0").delivery()
+
+
+def test_a_packet_of_the_very_begin_is_inside_and_of_the_end_outside():
+    """2.05 s is tick 41, and 2.05 * 1e9 is less than its time; 8.3 * 1e9 is more than that of tick 166."""
+    link = RecordedLink(Ticking(), "0", "1")
+    for begin, end in ((40, 41), (41, 42), (165, 166), (166, 167)):
+        found = link.packets(from_s=begin / 20, to_s=end / 20)["sim_time_ns"]
+        assert found.tolist() == [begin * 50_000_000]
 
 
 @pytest.mark.parametrize(

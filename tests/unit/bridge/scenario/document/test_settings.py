@@ -44,10 +44,30 @@ def test_nodes_go_by_id_and_other_lists_by_index() -> None:
     assert it.seed == 9
 
 
+def test_a_key_that_is_there_may_have_dots() -> None:
+    networks = "networks={wifi-2.4: wifi-2.4, wifi-2: wifi-5.8}"
+    it = changed(networks, "networks.wifi-2.4.base_loss=0.1", "networks.wifi-2.base_loss=0.2")
+    assert it.networks == {
+        "wifi-2.4": {"preset": "wifi-2.4", "base_loss": 0.1},
+        "wifi-2": {"preset": "wifi-5.8", "base_loss": 0.2},
+    }
+    assert list(changed(networks, "networks.wifi-2.4=null").networks) == ["wifi-2"]
+    modem = changed(
+        "networks={m.1: sik-433}", "nodes.2.modems={m.1: {baud: 9600}}", "nodes.2.modems.m.1.serial=2"
+    )
+    assert modem.node("2").modems["m.1"].serial == 2
+
+
 def test_a_star_means_all_nodes_and_later_settings_win() -> None:
     it = changed("nodes.*.radio=disk", "nodes.2.radio=null", "radio.frequency_hz=2.4e9", "radio=disk")
     assert [node.radio for node in it.nodes] == ["disk", None, "disk"]
     assert it.radio == "disk"
+
+
+def test_nodes_that_are_set_later_win_over_settings_of_single_nodes() -> None:
+    nodes = "nodes=[{id: 2, agent: {type: still}}]"
+    assert changed("nodes.2.home.north_m=5", nodes).ua[0].home.north_m == 0.0
+    assert changed("nodes.4.home.north_m=5", nodes, "nodes.2.home.north_m=6").ua[0].home.north_m == 6.0
 
 
 EMITTER = "  - {id: b, kind: emitter, frequency_hz: 433e+6, power_dbm: 20}\n"

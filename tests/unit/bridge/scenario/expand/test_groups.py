@@ -119,9 +119,24 @@ def test_settings_of_a_group_and_of_its_nodes() -> None:
     assert agent.options == {"count": 7}
 
 
+def test_values_of_a_pattern_follow_count_and_index() -> None:
+    """Also the pattern itself may be another node by node; each has the place of its own index in it."""
+    by_count = homes("ring: {radius_m: '{10 * n}'}, heading_deg: {each: [1, 2]}", "nodes.0.count=4")
+    assert by_count == [(40, 0, 1), (0, 40, 2), (-40, 0, 1), (0, -40, 2)]
+    spiral = homes("ring: {radius_m: '{10 + 10 * i}', bearing_deg: {each: [0, 90]}}", "nodes.0.count=4")
+    assert spiral == [(10, 0, 0), (-20, 0, 0), (-30, 0, 0), (40, 0, 0)]
+    group = "  - {id: 0, count: 4, home: {each: [{line: {spacing_m: 5}}, {column: {spacing_m: 7}}]}, %s}\n"
+    two = [(ua.home.north_m, ua.home.east_m) for ua in fleet(group % "agent: {type: still}").ua]
+    assert two == [(0, 0), (-7, 0), (0, 10), (-21, 0)]
+
+
 @pytest.mark.parametrize(
     ("node", "says"),
     [
+        (
+            "{id: 0, count: 3, home: {ring: {radius_m: '{5 - 5 * i}'}}, agent: {type: still}}",
+            "nodes.0.home.ring.radius_m: has to be greater than 0 (got 0)",
+        ),
         (
             "{id: 0, count: -1, agent: {type: still}}",
             "nodes.0.count: has to be a number of nodes from 0 to 1000",
@@ -169,6 +184,10 @@ def test_settings_of_a_group_and_of_its_nodes() -> None:
         ),
         ("{id: 0, count: 2, agent: {type: hold, altitude_m: '{1 / i}'}}", "{1 / i} cannot be computed"),
         ("{id: 0, count: 2, agent: {type: hold, altitude_m: '{i'}}", "nodes.0.agent.altitude_m: "),
+        (
+            "{id: 0, count: 2, airframe: '{i:9999999999999}', agent: {}}",
+            "{i:9999999999999} cannot be computed",
+        ),
         (
             "{id: 0, count: 2, airframe: {each: []}, agent: {type: still}}",
             "nodes.0.airframe.each: has to be a list",

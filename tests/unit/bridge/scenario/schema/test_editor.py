@@ -79,6 +79,11 @@ def test_what_ships_is_right_and_names_the_schema(file: Path) -> None:
         {"nodes": [{"id": 0, "count": 6, "home": {"ring": {"radius_m": 9}}, "agent": {"type": "still"}}]},
         {
             "nodes": [
+                {**STILL, "count": 6, "home": {"ring": {"radius_m": "{9 * n}", "face": {"each": ["along"]}}}}
+            ]
+        },
+        {
+            "nodes": [
                 {
                     "id": 0,
                     "count": 6,
@@ -124,6 +129,11 @@ def test_what_is_right_is_taken(change: dict[str, Any]) -> None:
             "wind": None,
             "ports": {"zenoh": None},
             "nodes": [{"id": 0, "count": None, "home": {"ring": None}}],
+        },
+        {
+            "extends": "base.yaml",
+            "nodes": [{"id": 0, "home": {"ring": {"face": "inward"}}}],
+            "expectations": None,
         },
         {"extends": "base.yaml", "radio": {"noise": None, "fading": {"k_db": None}}, "weather": None},
     ],
