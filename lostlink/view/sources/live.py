@@ -83,7 +83,7 @@ class LiveSource:
         async with self._changing:
             if closely and self._close is None and not self.over.is_set():
                 self._close = await asyncio.to_thread(self._access.open)
-                self._view.cut_trail()
+                self._view.look_anew()
                 self._look_closely(self._close)
             elif not closely and self._close is not None:
                 session, self._close = self._close, None
@@ -118,8 +118,11 @@ class LiveSource:
     def _take(self, message: Message, key: str) -> None:
         if isinstance(message, Header):  # the last tick
             self._end()
-        else:
-            self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
+            return
+        is_tick = isinstance(message, Clock) and key == self._keys.clock
+        if is_tick and message.header.stamp.ns < self._view.sim_time_ns:  # a replay was moved back
+            self._view.forget()
+        self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
 
     def _push_logged(self, sample: Sample) -> None:
         """Called by Zenoh's threads."""

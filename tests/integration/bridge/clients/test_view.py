@@ -76,7 +76,9 @@ def test_the_page_is_for_this_machine_alone(view: View) -> None:
 
 def test_the_page_names_nothing_elsewhere(view: View) -> None:
     page = view.get()
-    assert "default-src 'self'" in (page.getheader("content-security-policy") or "")
+    policy = page.getheader("content-security-policy") or ""
+    assert "default-src 'self'" in policy
+    assert "connect-src 'self';" in policy, "nor is a WebSocket opened to another place"
     assert not re.findall(r"(?:src|href)=[\"'](?:https?:)?//", page.body)  # type: ignore[attr-defined]
 
 
