@@ -119,10 +119,14 @@ class LiveSource:
         if isinstance(message, Header):  # the last tick
             self._end()
             return
-        is_tick = isinstance(message, Clock) and key == self._keys.clock
-        if is_tick and message.header.stamp.ns < self._view.sim_time_ns:  # a replay was moved back
-            self._view.forget()
+        if isinstance(message, Clock) and key == self._keys.clock:
+            self._go_back(message.header.stamp.ns)
         self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
+
+    def _go_back(self, tick_ns: int) -> None:
+        """Begin anew if the tick is an earlier one: a replay was moved back."""
+        if tick_ns < self._view.sim_time_ns:
+            self._view.forget()
 
     def _push_logged(self, sample: Sample) -> None:
         """Called by Zenoh's threads."""
