@@ -82,7 +82,7 @@ class Broadcast:
         """Serve one viewer until it goes."""
         await socket.accept()
         if len(self._viewers) >= VIEWERS_MAX:
-            await socket.close(TRY_AGAIN_LATER, f"{VIEWERS_MAX} viewers look already")
+            await socket.close(TRY_AGAIN_LATER, f"{VIEWERS_MAX} pages show the map already: this one waits")
             return
         viewer = Viewer()
         self._viewers.append(viewer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any, Final
-from urllib.parse import parse_qs
+from urllib.parse import parse_qsl, urlencode
 
 COOKIE: Final = "lostlink_view"
 """With the port behind it that a browser asked: it sends a host's cookies to all of its ports."""
@@ -18,7 +18,8 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 class WithCookie:
     """Gives a browser the token as a cookie when ``?token=`` fitted, and takes it back when it fits no more.
 
-    Where both come, ``?token=`` counts: a cookie may be that of an earlier view at the same address.
+    Where both come, ``?token=`` counts: a cookie may be that of an earlier view at the same address. Behind it no
+    address has the token: NiceGUI logs those that it does not know.
 
     Args:
         app: looks at tokens (`aps.api.guard.Guard`).
@@ -34,12 +35,15 @@ class WithCookie:
             await self._app(scope, receive, send)
             return
         headers = dict(scope["headers"])
-        asked = "token" in parse_qs(scope.get("query_string", b"").decode("latin-1"))
+        query = parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True)
+        asked = next((value for key, value in query if key == "token" and value), "")
         name = _name(headers.get(b"host", b"").decode("latin-1"))
         brought = "" if asked else _cookie(headers.get(b"cookie", b"").decode("latin-1"), name)
-        if brought and b"authorization" not in headers:
-            bearer = (b"authorization", f"Bearer {brought}".encode("latin-1"))
-            scope = {**scope, "headers": [*scope["headers"], bearer]}
+        others = urlencode([(key, value) for key, value in query if key != "token"])
+        scope = {**scope, "query_string": others.encode("ascii")}
+        if (asked or brought) and b"authorization" not in headers:
+            bearer = (b"authorization", f"Bearer {asked or brought}".encode())
+            scope["headers"] = [*scope["headers"], bearer]
 
         async def with_cookie(message: Message) -> None:
             if message["type"] == "http.response.start":

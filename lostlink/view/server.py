@@ -19,7 +19,7 @@ from lostlink.view.page.scene import FRAMES_PATH
 
 POLICY: Final = (
     b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
-    b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'"
+    b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'"
 )
 """The browser itself refuses what would go elsewhere."""
 RECONNECT_S: Final = 30.0

@@ -20,6 +20,9 @@ from lostlink.flight.say import say
 from lostlink.view.beside import PORT, NoView, check_installed
 
 OVER = "the run was over before it could be looked at: `lostlink view RUN` plays its record"
+NO_CONTROL = (
+    "--control: the run is over, and nobody is there to be commanded; every viewer can move its record"
+)
 
 
 @click.command(short_help="Look at a run in the browser, running or recorded.")
@@ -78,6 +81,8 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, stop.set)
         if not goes_on:
+            if control:
+                say(NO_CONTROL, err=True)
             await view_record(directory, settings, stop)
         elif await wait_for_start(directory, stop):
             await view_live(directory, settings, stop)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from bridge.bus.identity.keyring import Credentials
-from bridge.bus.keys import Keys
+from bridge.bus.keys import KeyMistake, Keys, checked_chunk
 from bridge.bus.session import Session, SessionError, checked_endpoint, open_client, open_router
 from bridge.run.every import Every
 from bridge.run.process import on_stop_signal
@@ -85,7 +85,7 @@ def replay(
         player = Player.open(run)
         begin_ns, end_ns = _span(player, begin_s, end_s)
         factor = math.inf if speed == "max" else _checked_speed(float(speed))
-        named = name or f"{PREFIX}{run.resolve().name}"
+        named = _checked_name(name or f"{PREFIX}{run.resolve().name}")
         controls = _controls(player, begin_ns, end_ns, factor, paused=paused)
         with _session(player, out, named, zenoh_port, connect) as (session, keys, endpoint):
             _play(session, keys, endpoint, controls, loop=loop, quiet=quiet)
@@ -96,6 +96,13 @@ def replay(
 def _fail(text: str) -> NoReturn:
     say(f"lostlink: {text}", err=True)
     sys.exit(EXIT_USAGE)
+
+
+def _checked_name(name: str) -> str:
+    try:
+        return checked_chunk(name)
+    except KeyMistake as error:
+        raise ValueError(f"--name: {error}") from error
 
 
 def _checked_speed(speed: float) -> float:
@@ -128,11 +135,10 @@ def _session(
     player: Player, out: Path, name: str, port: int, connect: str | None
 ) -> Iterator[tuple[Session, Keys, str]]:
     """A router of our own with the table of rights of a run, or a client of somebody else's."""
-    from bridge.bus.keys import checked_chunk
     from lostlink.replay.playing.place import playing_place
 
     if connect is not None:
-        keys = Keys(checked_chunk(name))
+        keys = Keys(name)
         with open_client(checked_endpoint(connect), _credentials()) as session:
             yield session, keys, connect
         return

@@ -113,7 +113,7 @@ class Page:
         many = len(self._view.nodes) > 1
         self._link = (0, 1 if many else 0)
         self._is_dark, self._theme = False, "auto"
-        self._told = 0
+        self._told = self._forgotten = 0
         ui.add_css(CSS)
         self._dark = ui.dark_mode(None)
         self._build()
@@ -349,9 +349,9 @@ class Page:
                 set_options(self._matrix, matrix_chart([node.id for node in view.nodes], share, self._look))
 
     def _refresh_said(self) -> None:
-        if self._view.lines_told < self._told:  # all was forgotten
+        if self._view.times_forgotten != self._forgotten:
             self._said.clear()
-            self._told = 0
+            self._told, self._forgotten = 0, self._view.times_forgotten
         new = min(self._view.lines_told - self._told, len(self._view.lines))
         if not new:
             return

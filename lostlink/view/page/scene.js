@@ -2,7 +2,7 @@
 import { Marks } from "lostlink-marks";
 import { Plan } from "lostlink-plan";
 
-const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRAIL_POINTS = 240, STEPS = 11;
+const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRY_AGAIN_LATER = 1013, TRAIL_POINTS = 240, STEPS = 11;
 const nice = (x) => { const p = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * p >= x) * p; };
 
 export default {
@@ -14,7 +14,7 @@ export default {
     this.now = this.before = null; this.marks = new Marks(); this.onboard = new Plan();
     this.camera = { north: 0, east: 0, up: 0, scale: 1, azimuth: 0, elevation: Math.PI / 2 };
     this.shown = { trails: true, links: "all", losses: true, wind: true, labels: true, shapes: true, plan: true };
-    this.aiming = false; this.selected = -1; this.follow = true; this.dirty = true; this.drawn = 0; this.total = 0; this.frames = 0;
+    this.aiming = false; this.notice = ""; this.selected = -1; this.follow = true; this.dirty = true; this.drawn = 0; this.total = 0; this.frames = 0;
     this.observer = new ResizeObserver(() => { this.dirty = true; });
     this.observer.observe(this.$refs.canvas);
     this.listen();
@@ -35,9 +35,13 @@ export default {
       const scheme = location.protocol === "https:" ? "wss" : "ws";
       this.socket = new WebSocket(`${scheme}://${location.host}${this.url}`);
       this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
-      this.socket.onclose = () => { if (!this.gone) this.again = setTimeout(() => this.connect(), 1000); };
+      this.socket.onclose = (event) => {
+        this.notice = event.code === TRY_AGAIN_LATER ? event.reason : ""; this.dirty = true;
+        if (!this.gone) this.again = setTimeout(() => this.connect(), 1000);
+      };
     },
     take(frame) {
+      this.notice = "";
       if (frame.type === "snapshot") {
         this.nodes = frame.nodes; this.trail = frame.trail; this.before = null;
       } else if (frame.trail) {
@@ -197,6 +201,7 @@ export default {
       if (this.shown.labels) this.marks.drawLabels(this);
       this.drawCorner();
       if (this.aiming) this.drawAim();
+      if (this.notice) { g.fillStyle = this.ink; g.fillText(this.notice, 16, 24); }
       this.drawn += 1; this.total += 1;
     },
     readColours() {
@@ -334,7 +339,7 @@ export default {
         links: this.quality.map((percent, i) => ({ tx: this.nodes[this.pairs[2 * i]]?.id, rx: this.nodes[this.pairs[2 * i + 1]]?.id, percent,
           colour: this.steps?.[Math.round((percent / 100) * (STEPS - 1))] })),
         trail: this.trail.length, losses: this.flashes.size, time: this.now?.time, elevation: this.camera.elevation,
-        ...this.marks.words(), ...this.onboard.words(), aiming: this.aiming,
+        ...this.marks.words(), ...this.onboard.words(), aiming: this.aiming, notice: this.notice,
       };
     },
   },

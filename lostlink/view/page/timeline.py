@@ -24,7 +24,8 @@ class Timeline:
 
     def __init__(self, view: FleetView, time_control: TimeControl | None) -> None:
         self._view, self._time_control = view, time_control
-        self._is_dragged = False
+        self._is_dragged = self._is_followed = False
+        self._speed = view.clock.speed
         with ui.element("div").classes("ll-tools").props('role="group" aria-label="Time"'):
             if time_control is not None:
                 self._build_controls(time_control)
@@ -42,6 +43,8 @@ class Timeline:
             f'type=range min=0 max={longest_s} step={STEP_S} value=0 aria-label="Sim time in seconds"'
         )
         slider.on("input", self._dragged, js_handler="() => emit()")
+        for end in ("pointerup", "pointercancel"):  # where it was taken from there is no change
+            slider.on(end, self._released, js_handler="() => emit()")
         slider.on(
             "change",
             lambda event: self._seek(time_control, float(event.args)),
@@ -60,14 +63,20 @@ class Timeline:
         step = ui.button("Step", on_click=time_control.step).props(
             'dense no-caps flat aria-label="One tick further"'
         )
-        now = self._view.clock.speed
-        speed = ui.select(
-            SPEEDS, value=now if now in SPEEDS else None, on_change=lambda e: time_control.speed(e.value)
-        ).props('dense options-dense borderless aria-label="Speed"')
-        self._controls = (self._toggle, step, speed)
+
+        def choose(speed: float | None) -> None:
+            if speed is not None and not self._is_followed:
+                time_control.speed(speed)
+
+        self._speeds = ui.select(SPEEDS, value=_offered(self._speed), on_change=lambda e: choose(e.value))
+        self._speeds.props('dense options-dense borderless aria-label="Speed"')
+        self._controls = (self._toggle, step, self._speeds)
 
     def _dragged(self) -> None:
         self._is_dragged = True
+
+    def _released(self) -> None:
+        self._is_dragged = False
 
     def _seek(self, time_control: TimeControl, sim_time_s: float) -> None:
         self._is_dragged = False
@@ -82,5 +91,17 @@ class Timeline:
         self._words.set_text(f"{seconds:.1f} / {self._view.duration_s:.0f} s")
         if self._time_control is not None:
             self._toggle.set_text("Go on" if self._view.clock.paused else "Pause")
+            self._follow(self._view.clock.speed)
             for control in self._controls:
                 control.set_enabled(self._time_control.can_seek or not self._view.is_over)
+
+    def _follow(self, speed: float) -> None:
+        """Show the speed that it has when somebody has changed it, on this page or elsewhere."""
+        if speed != self._speed:
+            self._speed, self._is_followed = speed, True
+            self._speeds.set_value(_offered(speed))
+            self._is_followed = False
+
+
+def _offered(speed: float) -> float | None:
+    return speed if speed in SPEEDS else None

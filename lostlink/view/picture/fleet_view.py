@@ -96,8 +96,6 @@ class FleetView:
         self.clock = Clock()
         self.is_over = False
         self.links = LinkHistory(len(self.nodes))
-        self.losses = Losses(len(self.nodes))
-        self.air = AirHistory(len(self.nodes))
         self.logged = Logged(tuple(self.index))
         self.news = {node.id: NodeNews() for node in self.nodes}
         self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
@@ -115,7 +113,7 @@ class FleetView:
         """Positions of all nodes, every TRAIL_PERIOD_NS."""
         self.trail_points = 0
         """How many points the trail has had."""
-        self._trail_ns = -TRAIL_PERIOD_NS
+        self.look_anew()
         self._handlers: dict[type[Message], Callable[[Any], None]] = {
             Clock: self._take_clock,
             Truths: self._take_truths,
@@ -154,8 +152,10 @@ class FleetView:
             self.is_over = True
             self.tell("", "the run is over")
 
-    def cut_trail(self) -> None:
-        """Forget the trail: what came between was not seen."""
+    def look_anew(self) -> None:
+        """Forget what is followed only while somebody looks: what came between was not seen."""
+        self.losses = Losses(len(self.nodes))
+        self.air = AirHistory(len(self.nodes))
         self.trail.clear()
         self._trail_ns = -TRAIL_PERIOD_NS
 

@@ -83,7 +83,7 @@ class LiveSource:
         async with self._changing:
             if closely and self._close is None and not self.over.is_set():
                 self._close = await asyncio.to_thread(self._access.open)
-                self._view.cut_trail()
+                self._view.look_anew()
                 self._look_closely(self._close)
             elif not closely and self._close is not None:
                 session, self._close = self._close, None
@@ -118,8 +118,15 @@ class LiveSource:
     def _take(self, message: Message, key: str) -> None:
         if isinstance(message, Header):  # the last tick
             self._end()
-        else:
-            self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
+            return
+        if isinstance(message, Clock) and key == self._keys.clock:
+            self._go_back(message.header.stamp.ns)
+        self._view.take(message, self._keys.node_of(key) if "/node/" in key else "")
+
+    def _go_back(self, tick_ns: int) -> None:
+        """Begin anew if the tick is an earlier one: a replay was moved back."""
+        if tick_ns < self._view.sim_time_ns:
+            self._view.forget()
 
     def _push_logged(self, sample: Sample) -> None:
         """Called by Zenoh's threads."""

@@ -7,7 +7,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -17,10 +17,12 @@ import pytest
 pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Error, Locator, expect
+from websockets.sync.client import connect
 
 from benchmarks.browser import chromium
 from bridge.bus.keys import Keys
 from bridge.record.logged import LoggedValue
+from lostlink.view.broadcast import VIEWERS_MAX
 from tests.integration.bridge.clients.test_view import address_of
 from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
@@ -126,6 +128,68 @@ def test_the_air_of_a_network_is_seen(browser: Browser, tmp_path: Path) -> None:
         assert all(0.3 < use < 1.0 for _, use in chart["main: in use"][1:])
         assert all(0.0 < delay_s < 1.0 for _, delay_s in chart["main: delay"])
         assert not seen.errors
+
+
+@pytest.mark.slow
+def test_who_has_to_wait_for_the_map_is_told(browser: Browser, record: Path) -> None:
+    with serving(record) as view, ExitStack() as others:
+        first, *_ = [
+            others.enter_context(connect(f"ws://127.0.0.1:{view.port}/frames")) for _ in range(VIEWERS_MAX)
+        ]
+        seen = ViewPage(browser, view.address)
+        seen.wait("a word", lambda: seen.words()["notice"] == "16 pages show the map already: this one waits")
+        assert not seen.words()["nodes"]
+        first.close()
+        seen.wait("the map", lambda: len(seen.words()["nodes"]) == 3)
+        assert not seen.words()["notice"]
+
+
+@pytest.mark.slow
+def test_the_page_opens_no_socket_elsewhere(browser: Browser, record: Path) -> None:
+    script = """() => new Promise((told) => {
+        document.addEventListener("securitypolicyviolation", (event) => told(event.violatedDirective));
+        new WebSocket("ws://127.0.0.1:9/").onerror = () => setTimeout(() => told("it tried"), 500);
+    })"""
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        seen.wait("the map", lambda: len(seen.words()["nodes"]) == 3)
+        assert seen.page.evaluate(script) == "connect-src"
+
+
+@pytest.mark.slow
+def test_two_pages_show_the_same_speed(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        pages = [ViewPage(browser, view.address).page for _ in range(2)]
+        for page, speed in (pages[0], "2 x"), (pages[1], "1 x"), (pages[1], "5 x"):
+            page.get_by_role("combobox", name="Speed").click()
+            page.get_by_role("option", name=speed, exact=True).click()
+            for each in pages:
+                expect(each.get_by_role("group", name="Time").locator(".q-select")).to_contain_text(speed)
+                expect(each.get_by_role("status")).to_have_text(f"record, played {speed}")
+
+
+@pytest.mark.slow
+def test_a_slider_that_was_put_back_moves_on(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        page = seen.page
+        page.get_by_role("button", name="Pause").click()
+        expect(page.get_by_role("status")).to_have_text("record, paused")
+        slider = page.get_by_role("slider", name="Sim time")
+        seen.wait("it stands", lambda: float(slider.input_value()) == pytest.approx(seen.words()["time"]))
+        before_s = float(slider.input_value())
+        box = slider.bounding_box()
+        assert box is not None
+        x = box["x"] + 8 + (box["width"] - 16) * before_s / 14.95  # in the middle of what is dragged
+        y = box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 60, y, steps=3)
+        page.mouse.move(x, y, steps=3)
+        page.mouse.up()
+        assert float(slider.input_value()) == before_s
+        page.get_by_role("button", name="Go on").click()
+        seen.wait("it moves on", lambda: float(slider.input_value()) > before_s)
 
 
 def mission(tick: int) -> list[Said]:

@@ -76,7 +76,9 @@ def test_the_page_is_for_this_machine_alone(view: View) -> None:
 
 def test_the_page_names_nothing_elsewhere(view: View) -> None:
     page = view.get()
-    assert "default-src 'self'" in (page.getheader("content-security-policy") or "")
+    policy = page.getheader("content-security-policy") or ""
+    assert "default-src 'self'" in policy
+    assert "connect-src 'self';" in policy, "nor is a WebSocket opened to another place"
     assert not re.findall(r"(?:src|href)=[\"'](?:https?:)?//", page.body)  # type: ignore[attr-defined]
 
 
@@ -132,6 +134,15 @@ def test_what_cannot_be_looked_at_is_told(tmp_path: Path) -> None:
     assert ended.stderr.startswith("lostlink: ")
     assert str(tmp_path) in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_a_record_takes_no_commands_and_says_so(record: Path) -> None:
+    """Its port is in use, so that it ends."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        ended = run_lostlink("view", str(record), "--control", "--port", str(port))
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("--control: the run is over, and nobody is there to be commanded")
 
 
 def test_a_port_in_use_ends_a_run_before_it_starts(start_run: StartRun) -> None:

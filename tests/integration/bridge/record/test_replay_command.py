@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import shutil
 import signal
 import subprocess
 import sys
@@ -267,6 +268,16 @@ def test_what_nobody_wants_is_not_made(record: Path) -> None:
         ReplayProcess(router, Keys("made"), Controls(player, pace, 0, player.end_ns)).run()
         assert "states" not in player.__dict__
         assert "sent" not in player.__dict__
+
+
+def test_a_directory_whose_name_is_no_key_is_told_with_the_option_that_helps(
+    record: Path, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(record, tmp_path / "my run")
+    result = CliRunner().invoke(lostlink, ["replay", str(copy), "--out", str(tmp_path / "runs")])
+    assert result.exit_code == 2
+    assert "--name: 'replay-my run' cannot be part of a key" in result.stderr
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize(

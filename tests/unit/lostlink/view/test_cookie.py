@@ -12,9 +12,12 @@ from lostlink.view.cookie import COOKIE, WithCookie
 
 TOKEN = "a-token-of-this-view"
 STALE = f"{COOKIE}=the-token-of-another-view"
+asked: list[str] = []
+"""Query strings with which the page was reached."""
 
 
-async def _page(_scope: Any, _receive: Any, send: Any) -> None:
+async def _page(scope: Any, _receive: Any, send: Any) -> None:
+    asked.append(scope["query_string"].decode())
     await send({"type": "http.response.start", "status": 200, "headers": []})
     await send({"type": "http.response.body", "body": b"page"})
 
@@ -43,6 +46,18 @@ def test_the_address_lets_in_and_sets_the_cookie_whatever_cookie_comes(cookie: s
     assert status == 200
     assert given.startswith(f"{COOKIE}={TOKEN};")
     assert "HttpOnly; SameSite=Strict" in given
+
+
+@pytest.mark.parametrize(("query", "left"), [("", ""), ("a=1%2B2&b=&", "a=1%2B2&b="), ("&EIO=4", "EIO=4")])
+def test_the_token_goes_no_further(query: str, left: str) -> None:
+    before, after = (query, "") if query.endswith("&") else ("", query)
+    assert answer(f"{before}token={TOKEN}{after}")[0] == 200
+    assert asked[-1] == left
+
+
+def test_a_token_of_other_letters_is_refused() -> None:
+    assert answer("token=%E2%82%ACa-token-of-this-view") == (401, "")
+    assert answer("token=") == (401, "")
 
 
 def test_a_cookie_that_fits_lets_in_and_one_that_does_not_is_taken_back() -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from bridge.bus.messages import AgentStatus, AircraftState, Header, Quaternion, Truth, Truths
-from lostlink.view.page.tables import fleet_rows, link_words
+from lostlink.view.page.tables import fleet_rows, link_words, losses_words
 from lostlink.view.picture.fleet_view import TRAIL_POINTS, view_of
 from lostlink.view.picture.frames import PictureFrames
 from tests.unit.lostlink.replay.flown import scenario_of
@@ -95,6 +95,23 @@ def test_all_can_be_forgotten() -> None:
     assert view.links.reports == 0
     assert not view.logged.latest["0"]
     assert view.times_forgotten == 1
+
+
+def test_what_nobody_looked_at_is_forgotten() -> None:
+    view = view_of_two()
+    view.take(truths(2.0, 5.0))
+    view.take(links(2.0, 5.0, 0.0, 4, 4))
+    view.take(fates(2.0, [(0, 1, 0)]))
+    view.look_anew()
+    assert (losses_words(view), fleet_rows(view)[0]["heard"]) == (
+        "no packet yet since this page is open",
+        "0/0",
+    )
+    assert not view.trail
+    assert view.links.reports == 1
+    view.take(fates(9.0, [(0, 1, 1)]))
+    assert losses_words(view) == "since 9.0 s of sim time, when a page was opened"
+    assert view.losses.total == {"channel_erasure": 1}
 
 
 def test_the_end_is_told_once() -> None:
