@@ -79,6 +79,9 @@ class Core:
         self.answered = ANSWERED
         self._heartbeat_due_ns = 0
         self._changed = False
+        self.vehicle.telemetry.link_down()  # until there is one
+        self._clock_ms = 0
+        self._reboots = 0
         self._latest_primary: Link | None = None
 
     def statistics(self) -> dict[str, Any]:
@@ -88,7 +91,9 @@ class Core:
     def autopilot_statistics(self, now_ns: int) -> dict[str, Any]:
         """Counters of the link to the autopilot that is used, or was the last one, as plain data."""
         link = self._latest_primary
-        return {} if link is None else dict(link.statistics(now_ns))
+        if link is None:
+            return {}
+        return {**link.statistics(now_ns), "up": self.link_up and link.traffic.up(now_ns)}
 
     @property
     def link_up(self) -> bool:
@@ -103,6 +108,8 @@ class Core:
         self.hub.add(link)
         if link.role is Role.AUTOPILOT:
             link.framer.reset()
+            link.traffic.reopened()
+            link.traffic.sender = self.config.sysid << 8 | AUTOPILOT_COMPID
             self._heartbeat_due_ns = now_ns  # introduce ourselves at once
         self._follow_primary(primary, now_ns)
 
@@ -121,7 +128,7 @@ class Core:
         if primary == before:
             return
         if before is not None:
-            self.vehicle.link_down()
+            self.vehicle.link_down(another=primary is not None)
         if primary is not None:
             self._latest_primary = self.hub.primary
             self._heartbeat_due_ns = now_ns
@@ -132,7 +139,22 @@ class Core:
         self.hub.receive(frames, link, now_ns)
         if self._changed:
             self._changed = False
+            self._follow_clock()
             self.vehicle.state_changed(now_ns)
+
+    def _follow_clock(self) -> None:
+        """What is missing since the autopilot's clock was last heard is lost if the clock goes on, and not if it has
+        rebooted: its numbers begin anew then."""
+        telemetry = self.vehicle.telemetry
+        if telemetry.clock_ms == self._clock_ms and telemetry.reboots == self._reboots:
+            return
+        traffics = [link.traffic for link in self.hub.links.values() if link.role is Role.AUTOPILOT]
+        for traffic in traffics:
+            if telemetry.reboots == self._reboots:
+                traffic.settle()
+            else:
+                traffic.restarted()
+        self._clock_ms, self._reboots = telemetry.clock_ms, telemetry.reboots
 
     # What the hub has for us (aps.hub.hub.Local).
 
