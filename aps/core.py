@@ -143,8 +143,10 @@ class Core:
             self.vehicle.state_changed(now_ns)
 
     def _follow_clock(self) -> None:
-        """What is missing since the autopilot's clock was last heard is lost if the clock goes on, and not if it has
-        rebooted: its numbers begin anew then."""
+        """Settle which frames are lost: those missing when the autopilot's clock goes on.
+
+        After a reboot its numbers begin anew: then nothing is that was missing since its clock was last heard.
+        """
         telemetry = self.vehicle.telemetry
         if telemetry.clock_ms == self._clock_ms and telemetry.reboots == self._reboots:
             return
