@@ -144,7 +144,7 @@ class FleetView:
 
     @property
     def still_s(self) -> float:
-        """For how long no tick has come that should have, s of wall time: 0 before the first, in a pause, at the end."""
+        """For how long a tick is due, s of wall time: 0 before the first, in a pause, at the end."""
         if self.is_over or self.clock.paused or not self.sim_time_ns:
             return 0.0
         return self._now_s() - self._clock_s
