@@ -450,3 +450,56 @@ def test_a_command_is_asked_for_by_another_link_that_takes_over(bench):
     assert arming.result is None
     assert len(bench.commands(ARM)) == 2
     assert bench.core.vehicle.telemetry.state(bench.now_ns).connected
+
+
+class SecondLink:
+    """Another autopilot's link, or another one to the same: it answers each TIMESYNC with a time of its own."""
+
+    def __init__(self, bench, number, ahead_s, sysid=2):
+        self.bench, self.ahead_ns = bench, round(ahead_s * S)
+        self.counters = OutboxCounters()
+        self.mav, self.parser = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1), mavlink.MAVLink(None)
+        self.link = link_of(number, self, Role.AUTOPILOT)
+        self.asked = []
+        bench.core.link_opened(self.link, bench.now_ns)
+
+    def put(self, frame):
+        self.asked += [m.ts1 for m in self.parser.parse_buffer(frame) if m.get_type() == "TIMESYNC"]
+
+    def answer(self):
+        for ts1 in self.asked:
+            message = mavlink.MAVLink_timesync_message(600 * S + self.ahead_ns + ts1, ts1)
+            raw = bytes(message.pack(self.mav))
+            self.bench.core.frames(self.link, self.link.receive(raw, self.bench.now_ns), self.bench.now_ns)
+        self.asked.clear()
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "sysid", "are_two"),
+    [(0.0, 2, False), (4.9, 2, False), (5.1, 2, True), (-300.0, 2, True), (-300.0, 3, False)],
+)
+def test_two_autopilots_of_one_system_id_are_told_once(caplog, ahead_s, sysid, are_two):
+    bench = Bench(measures_latency=True)
+    bench.core.link_closed(0, 0)
+    links = SecondLink(bench, 1, 0.0), SecondLink(bench, 2, ahead_s, sysid)
+    for _ in range(10):
+        bench.wait(1.0)
+        for link in links:
+            link.answer()
+    told = [record.message for record in caplog.records if "more than one" in record.message]
+    assert told == are_two * [
+        "more than one autopilot calls itself system 2, at link 1 and link 2: one of them alone is heard and commanded"
+    ]
+
+
+def test_one_autopilot_that_reboots_between_two_answers_is_one(caplog):
+    bench = Bench(measures_latency=True)
+    bench.core.link_closed(0, 0)
+    first, second = SecondLink(bench, 1, 0.0), SecondLink(bench, 2, 0.0)
+    for second_s in range(20):
+        bench.wait(1.0)
+        first.answer()
+        if second_s == 10:
+            first.ahead_ns = second.ahead_ns = -500 * S
+        second.answer()
+    assert "more than one" not in caplog.text
