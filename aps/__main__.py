@@ -124,8 +124,9 @@ def _ready(daemon: Daemon, *, as_json: bool) -> str:
     listen = f"{config.listen_host}:{daemon.listen_port}"
     if as_json:
         ready = {"event": "ready", "sysid": config.sysid, "listen": listen, "autopilot": config.autopilot}
-        return json.dumps(ready)
-    return f"READY aps sysid={config.sysid} listen={listen} autopilot={config.autopilot}"
+        return json.dumps(ready | {"more_autopilots": list(config.more_autopilots)})
+    autopilots = " ".join(f"autopilot={each}" for each in (config.autopilot, *config.more_autopilots))
+    return f"READY aps sysid={config.sysid} listen={listen} {autopilots}"
 
 
 def _api_config(text: str | None) -> ApiConfig | None:

@@ -26,6 +26,10 @@ from aps.wire.framer import Frame
 __all__ = ["Core"]
 
 HEARTBEAT_PERIOD_NS: Final = round(HEARTBEAT_PERIOD_S * NS_PER_S)
+APART_NS: Final = 5 * NS_PER_S
+"""Clocks of one autopilot, told by two links, do not differ by more, unless a link is slow or a simulation fast ..."""
+APART_TIMES: Final = 3
+"""... which they do not so often in a row."""
 _TIMESYNC: Final = 111
 _TIMESYNC_FIELDS: Final = struct.Struct("<qq")
 """tc1, the answerer's time (0: this is a request), and ts1, the asker's."""
@@ -79,7 +83,12 @@ class Core:
         self.answered = ANSWERED
         self._heartbeat_due_ns = 0
         self._changed = False
+        self.vehicle.telemetry.link_down()  # until there is one
+        self._clock_ms = 0
+        self._reboots = 0
         self._latest_primary: Link | None = None
+        self._apart = 0
+        """How often in a row links have led to autopilots whose clocks are apart."""
 
     def statistics(self) -> dict[str, Any]:
         """Counters of the logic, as plain data."""
@@ -88,7 +97,9 @@ class Core:
     def autopilot_statistics(self, now_ns: int) -> dict[str, Any]:
         """Counters of the link to the autopilot that is used, or was the last one, as plain data."""
         link = self._latest_primary
-        return {} if link is None else dict(link.statistics(now_ns))
+        if link is None:
+            return {}
+        return {**link.statistics(now_ns), "up": self.link_up and link.traffic.up(now_ns)}
 
     @property
     def link_up(self) -> bool:
@@ -103,6 +114,8 @@ class Core:
         self.hub.add(link)
         if link.role is Role.AUTOPILOT:
             link.framer.reset()
+            link.traffic.reopened()
+            link.traffic.sender = self.config.sysid << 8 | AUTOPILOT_COMPID
             self._heartbeat_due_ns = now_ns  # introduce ourselves at once
         self._follow_primary(primary, now_ns)
 
@@ -121,7 +134,7 @@ class Core:
         if primary == before:
             return
         if before is not None:
-            self.vehicle.link_down()
+            self.vehicle.link_down(another=primary is not None)
         if primary is not None:
             self._latest_primary = self.hub.primary
             self._heartbeat_due_ns = now_ns
@@ -132,7 +145,24 @@ class Core:
         self.hub.receive(frames, link, now_ns)
         if self._changed:
             self._changed = False
+            self._follow_clock()
             self.vehicle.state_changed(now_ns)
+
+    def _follow_clock(self) -> None:
+        """Settle which frames are lost: those missing when the autopilot's clock goes on.
+
+        After a reboot its numbers begin anew: then nothing is that was missing since its clock was last heard.
+        """
+        telemetry = self.vehicle.telemetry
+        if telemetry.clock_ms == self._clock_ms and telemetry.reboots == self._reboots:
+            return
+        traffics = [link.traffic for link in self.hub.links.values() if link.role is Role.AUTOPILOT]
+        for traffic in traffics:
+            if telemetry.reboots == self._reboots:
+                traffic.settle()
+            else:
+                traffic.restarted()
+        self._clock_ms, self._reboots = telemetry.clock_ms, telemetry.reboots
 
     # What the hub has for us (aps.hub.hub.Local).
 
@@ -172,6 +202,7 @@ class Core:
         if now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_PERIOD_NS
             self._choose_primary(now_ns)
+            self._look_for_a_second()
             self._send_heartbeat(now_ns)
             self.router.expire(now_ns)
         self.vehicle.on_time(now_ns)
@@ -185,11 +216,32 @@ class Core:
             if self._measures_latency and link.latency is not None:
                 self.hub.send(self.vehicle.timesync(link.latency.ask(now_ns)), link)
 
-    @staticmethod
-    def _answers_our_timesync(frame: Frame, link: Link, now_ns: int) -> bool:
+    def _answers_our_timesync(self, frame: Frame, link: Link, now_ns: int) -> bool:
         """Take an answer to a request of ours: it names no target, and others would take it for one to theirs."""
         tc1, ts1 = _TIMESYNC_FIELDS.unpack(frame.payload.ljust(_TIMESYNC_FIELDS.size, b"\0")[:16])
-        return tc1 != 0 and link.latency is not None and link.latency.answer(ts1, now_ns)
+        if tc1 == 0 or link.latency is None or not link.latency.answer(ts1, now_ns):
+            return False
+        if (frame.sysid, frame.compid) == (self.config.sysid, AUTOPILOT_COMPID):
+            link.latency.told_ns = ts1, tc1
+        return True
+
+    def _look_for_a_second(self) -> None:
+        """Two autopilots may have one system id: asked for their time at one instant, they tell different ones."""
+        told = {
+            link.name: link.latency.told_ns
+            for link in self.hub.links.values()
+            if link.latency is not None and link.latency.told_ns is not None
+        }
+        newest_ns = max((asked_ns for asked_ns, _ in told.values()), default=0)
+        clocks_ns = {name: clock_ns for name, (asked_ns, clock_ns) in told.items() if asked_ns == newest_ns}
+        is_apart = len(clocks_ns) > 1 and max(clocks_ns.values()) - min(clocks_ns.values()) > APART_NS
+        self._apart = self._apart + 1 if is_apart else 0
+        if self._apart == APART_TIMES:
+            _log.warning(
+                "more than one autopilot calls itself system %d, at %s: one of them alone is heard and commanded",
+                self.config.sysid,
+                " and ".join(clocks_ns),
+            )
 
     def _choose_primary(self, now_ns: int) -> None:
         """Change over to another of the autopilot's links when there are no heartbeats on the primary one."""

@@ -4,11 +4,12 @@ They run on three clocks. The daemon's clock is monotonic wall time, or sim time
 autopilot's own is ``time_boot_ms``, sim time since its boot; wall time is what a host waits.
 
 A request is repeated (ACK_TIMEOUTS_S: 16 s in all) for less long than a lost link is forgiven
-(LINK_LOSS_TIMEOUT_S), so a link that comes back after a few seconds finds its command still being asked
-for. Both are shorter than a route lives (ROUTE_EXPIRY_S), so the answer finds its way back. After
-acceptance a command may take as long as its flight is long, in the autopilot's time; since that time stands
-still when the autopilot is silent or its simulation paused, SILENCE_TIMEOUT_S bounds the standstill by the
-daemon's clock. It exceeds all the others: a command ends for the most specific reason.
+(LINK_LOSS_TIMEOUT_S), so a link that comes back after a few seconds finds its transfer still being asked for,
+and its flight still followed. A command that has not been accepted ends with the link. Both times are shorter
+than a route lives (ROUTE_EXPIRY_S), so the answer finds its way back. After acceptance a command may take as
+long as its flight is long, in the autopilot's time; since that time stands still when the autopilot is silent
+or its simulation paused, SILENCE_TIMEOUT_S bounds the standstill by the daemon's clock. It exceeds all the
+others: a command ends for the most specific reason.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ PARAMETER_GAP_S: Final = 1.0
 CHUNK_TIMEOUT_S: Final = 1.0
 """For the next chunk of a long STATUSTEXT; then what has come is told."""
 LINK_LOSS_TIMEOUT_S: Final = 30.0
-"""For a command whose link is down."""
+"""For an accepted command, or a transfer, whose link is down."""
 ROUTE_EXPIRY_S: Final = 60.0
 """Since the last frame of a sender, until its route is forgotten: 60 missing heartbeats."""
 SILENCE_TIMEOUT_S: Final = 600.0

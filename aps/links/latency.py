@@ -21,11 +21,13 @@ class LinkLatency:
     Protocol"): the difference is the way there and back, and what the autopilot needed between two of its loops.
     """
 
-    __slots__ = ("_round_trips_ns", "_unanswered", "answered", "asked")
+    __slots__ = ("_round_trips_ns", "_unanswered", "answered", "asked", "told_ns")
 
     def __init__(self) -> None:
         self.asked = 0
         self.answered = 0
+        self.told_ns: tuple[int, int] | None = None
+        """The latest request that our autopilot answered, and its own time then."""
         self._unanswered: deque[int] = deque(maxlen=MAX_UNANSWERED)
         self._round_trips_ns: deque[int] = deque(maxlen=WINDOW)
 

@@ -25,12 +25,14 @@ class Traffic:
         "_rate_frames",
         "_rate_hz",
         "_sequence",
+        "_settled_lost",
         "_window_ns",
         "bytes",
         "frames",
         "heard_ns",
         "heartbeat_ns",
         "lost",
+        "sender",
     )
 
     def __init__(self) -> None:
@@ -39,11 +41,15 @@ class Traffic:
         self.lost = 0
         """Frames missing by their senders' sequence numbers. Of a sender whose other frames take another way, these
         count as well."""
+        self.sender: int | None = None
+        """``sysid << 8 | compid`` of the only sender whose numbers are looked at; ``None``: all. An autopilot hands on
+        others' frames as well, our own of another of its ports included, and not all of them."""
         self.heard_ns: int | None = None
         """When the latest frame came."""
         self.heartbeat_ns: int | None = None
         """When the latest heartbeat came: a link is up while there are some."""
         self._sequence: dict[int, int] = {}
+        self._settled_lost = 0
         self._window_ns, self._rate_frames, self._rate_hz = 0, 0, 0.0
 
     def received(self, frames: Sequence[Frame], size_bytes: int, now_ns: int) -> None:
@@ -57,11 +63,13 @@ class Traffic:
             self._rate_hz = self._rate_frames * NS_PER_S / max(now_ns - self._window_ns, 1)
             self._window_ns, self._rate_frames = now_ns, 0
         self._rate_frames += len(frames)
-        sequence = self._sequence
+        sequence, only = self._sequence, self.sender
         for raw, msg_id, sysid, compid, _, _, _, _ in frames:
             if msg_id == _HEARTBEAT:
                 self.heartbeat_ns = now_ns
             sender, seq = sysid << 8 | compid, raw[4] if raw[0] == MAGIC_V2 else raw[2]
+            if only is not None and sender != only:
+                continue
             expected = sequence.get(sender)
             if expected == seq:
                 sequence[sender] = (seq + 1) & 0xFF
@@ -75,6 +83,19 @@ class Traffic:
             elif len(sequence) >= MAX_SENDERS:
                 sequence.clear()
             sequence[sender] = (seq + 1) & 0xFF
+
+    def reopened(self) -> None:
+        """The line is open anew: it is up with the next heartbeat."""
+        self.heartbeat_ns = None
+
+    def settle(self) -> None:
+        """The sender has not been started anew until now: what is missing is lost."""
+        self._settled_lost = self.lost
+
+    def restarted(self) -> None:
+        """The sender has been started anew, and its numbers begin anew: what that looks like is no loss."""
+        self.lost = self._settled_lost
+        self._sequence.clear()
 
     def up(self, now_ns: int) -> bool:
         """Whether there has been a heartbeat lately: a socket alone is no link."""

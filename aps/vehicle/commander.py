@@ -12,7 +12,7 @@ from typing import Any, Final, TypeGuard
 from aps.callbacks import Callbacks
 from aps.timeouts import SHOWN_LAG_S, SILENCE_TIMEOUT_S
 from aps.vehicle import messages
-from aps.vehicle.commands import ARMING, FLIGHT, NOT_ARMED, CommandExecution, CommandPlan
+from aps.vehicle.commands import ARMING, FLIGHT, NO_LINK, NOT_ARMED, CommandExecution, CommandPlan
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.missions import fly, transfer
@@ -242,7 +242,9 @@ class Commander:
     ) -> CommandHandle:
         """As ``start``, of what has been made already."""
         handle = CommandHandle(execution, self, on_progress, on_done)
-        if _flies(execution) and self._is_disarmed():
+        if not self._state().link_open:
+            execution.refuse(NO_LINK)
+        elif _flies(execution) and self._is_disarmed():
             execution.interrupt(NOT_ARMED)
         if execution.result is None:
             self._take_over(execution)
@@ -368,6 +370,12 @@ class Commander:
         now_ns = self._now_ns()
         for running in self._running:
             running.execution.on_message(name, fields, now_ns)
+        self.poll()
+
+    def on_other_system(self, sysid: int, fields: Mapping[str, Any]) -> None:
+        """PARAM_VALUE of another system's autopilot on the link: perhaps of ours, which has been renamed."""
+        for running in self._running:
+            running.execution.on_other_system(sysid, fields)
         self.poll()
 
     def on_reboot(self) -> None:

@@ -47,6 +47,7 @@ LEAD_PATIENCE: Final = 10.0
 """Leads that are waited for by our clock, if the autopilot's is slower."""
 FLIGHT: Final = "flight"
 ARMING: Final = "arming"
+NO_LINK: Final = "no link to the autopilot"
 NOT_ARMED: Final = "the UA is not armed"
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 
@@ -227,6 +228,15 @@ class CommandExecution(Execution):
         """PARAM_VALUE of the autopilot."""
         if name == "PARAM_VALUE":
             self.on_parameter(fields["param_id"], fields["param_value"])
+
+    def on_link(self, connected: bool, now_ns: int) -> None:
+        """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
+
+        What has been accepted goes on in flight, and waits for the link, as does what asks for a reboot.
+        """
+        super().on_link(connected, now_ns)
+        if not connected and self._accepted_ms is None and not self.plan.reboots:
+            self.interrupt(NO_LINK)
 
     def on_reboot(self) -> None:
         """The autopilot has rebooted, as it was asked to or of itself."""

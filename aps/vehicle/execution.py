@@ -118,6 +118,9 @@ class Execution(ABC):
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: B027
         """A message of one of ``wanted``, from the autopilot and for us or for all."""
 
+    def on_other_system(self, sysid: int, fields: Mapping[str, Any]) -> None:  # noqa: B027
+        """PARAM_VALUE of another system's autopilot on our autopilot's link: which ours may have become."""
+
     def on_ack(self, command: int, result: int, progress: int = 0xFF) -> None:  # noqa: B027
         """COMMAND_ACK for a request of this one."""
 

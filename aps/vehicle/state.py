@@ -67,6 +67,8 @@ class VehicleState:
     landed_state: LandedState = "undefined"
     heartbeat_age_s: float = math.inf
     """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
+    link_open: bool = True
+    """Whether a link leads to the autopilot: not while its device is unplugged or its connection refused."""
     flight_time_s: float = 0.0
     """Time in the air in this (else the latest) flight, by the autopilot's clock."""
     voltage_v: float = NAN
@@ -126,8 +128,8 @@ class VehicleState:
 
     @property
     def connected(self) -> bool:
-        """Whether the autopilot has been heard within CONNECTED_S."""
-        return self.heartbeat_age_s < CONNECTED_S
+        """Whether a link leads to the autopilot, and it has been heard within CONNECTED_S."""
+        return self.link_open and self.heartbeat_age_s < CONNECTED_S
 
 
 def _body_from_ned(vector: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:

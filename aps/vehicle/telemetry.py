@@ -30,6 +30,12 @@ BOOT_SHIFT_MS: Final = 5000
 
 _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
+_HEARTBEAT: Final = 0
+_IN_HEARTBEAT: Final = ("vehicle_type", "autopilot", "mode", "base_mode", "armed", "system_status")
+_CLOCKS: Final = (2, 30, 32, 33)
+"""Ids of the messages that carry the autopilot's clock."""
+NS_PER_MS: Final = 1_000_000
+
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 _EKF_POSITION: Final = int(mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
@@ -67,6 +73,8 @@ class Telemetry:
         self._heard_ns: dict[int, int] = {}
         self._unix_at_boot_ms = 0
         self._new_link = False
+        self._link_open = True
+        self._now_ns = 0
         self._wraps_ms = 0
         """What the autopilot's clock of 32 bits has lost by starting anew from 0, every 49.7 days."""
 
@@ -107,6 +115,7 @@ class Telemetry:
             as_of_ns=now_ns,
             heard_ns=dict(self._heard_ns),
             heartbeat_age_s=age_s,
+            link_open=self._link_open,
             airspeed_mps=self._airspeed_mps(),
             flight_time_s=self._flight_ms / 1000.0,
         )
@@ -125,6 +134,7 @@ class Telemetry:
         if has_floats and (math.inf in fields or -math.inf in fields):
             self.decode_errors += 1
             return True
+        self._now_ns = now_ns
         if msg_id == 0:
             self._heartbeat_ns = now_ns
         errors = self.decode_errors
@@ -143,7 +153,21 @@ class Telemetry:
 
     def link_up(self) -> None:
         """There is a new connection: another boot of the autopilot may be at its end, also one that is older."""
-        self._new_link = True
+        self._new_link = self._link_open = True
+
+    def link_down(self) -> None:
+        """No link leads to the autopilot any more."""
+        self._link_open = False
+
+    def _rebooted(self, time_boot_ms: int) -> None:
+        """Forget all but a heartbeat that the new boot has sent before this, its first message with a clock."""
+        self.reboots += 1
+        told, heard_ns = self._values, self._heard_ns.get(_HEARTBEAT)
+        clock_ns = max(self._heard_ns.get(msg_id, -1) for msg_id in _CLOCKS)
+        self.forget()
+        if heard_ns is not None and heard_ns > max(clock_ns, self._now_ns - time_boot_ms * NS_PER_MS):
+            self._values.update((name, told[name]) for name in _IN_HEARTBEAT)
+            self._heard_ns[_HEARTBEAT] = heard_ns
 
     # One method per message type; ``fields`` in wire order.
 
@@ -174,8 +198,7 @@ class Telemetry:
         at_boot_ms = unix_us // 1000 - time_boot_ms if unix_us else 0
         known_ms = self._unix_at_boot_ms
         if self._new_link and at_boot_ms and known_ms and abs(at_boot_ms - known_ms) > BOOT_SHIFT_MS:
-            self.reboots += 1
-            self.forget()
+            self._rebooted(time_boot_ms)
         self._new_link = self._new_link and not at_boot_ms
         self._unix_at_boot_ms = at_boot_ms or self._unix_at_boot_ms
         self._clock(time_boot_ms)
@@ -291,9 +314,8 @@ class Telemetry:
         elif time_boot_ms - known_ms > CLOCK_WRAP_MS - WRAP_WINDOW_MS and self._wraps_ms:
             return None  # late, from before the clock began anew
         if time_boot_ms < known_ms - REBOOT_STEP_MS:
-            self.reboots += 1
-            self.forget()
             time_boot_ms -= self._wraps_ms
+            self._rebooted(time_boot_ms)
             self._wraps_ms = 0
         elif time_boot_ms < known_ms:
             return None

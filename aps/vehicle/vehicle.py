@@ -151,11 +151,13 @@ class Vehicle:
         self.heard = False
         self.commands.on_link(True)
 
-    def link_down(self) -> None:
-        """The connection is gone."""
+    def link_down(self, *, another: bool = False) -> None:
+        """The connection is gone; ``another``: there is one in its place."""
         self.heard = False
         self.streams.disconnected()
-        self.commands.on_link(False)
+        if not another:
+            self.telemetry.link_down()
+            self.commands.on_link(False)
 
     def receive(self, frame: Frame, now_ns: int) -> bool:
         """A frame from the autopilot's link; returns whether the state may have changed (see ``state_changed``)."""
@@ -256,6 +258,8 @@ class Vehicle:
         return frame.target_system == self.sysid and frame.target_component in (0, ONBOARD_COMPUTER_COMPID)
 
     def _from_foreign(self, frame: Frame) -> None:
+        if frame.msg_id == _PARAM_VALUE and self.commands.wants(_PARAM_VALUE):
+            self.commands.on_other_system(frame.sysid, _fields(frame))
         if frame.msg_id != _HEARTBEAT:
             return
         self._foreign[frame.sysid] += 1

@@ -56,6 +56,9 @@ class Held(Protocol):
     def tick(self, clock: Clock, truths: Truths) -> None:
         """At a tick, with the true states of all nodes."""
 
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        """At any time: what somebody must see."""
+
 
 class FlownDynamics:
     """The flight dynamics of a run.
@@ -174,6 +177,8 @@ class FlownDynamics:
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)
         self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
+        if event.kind is EventKind.STALLED:
+            self._to.warning(node, f"UA {node}: {event.detail}", event.sim_time_ns)
         why = _WHY_NOT.get(event.kind)
         if event.kind is EventKind.JOINED and event.sim_time_ns > 0:
             why = "came late: when its autopilot was there is a matter of wall time"

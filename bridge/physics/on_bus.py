@@ -87,6 +87,10 @@ class ClockOnBus:
         self._session.put(self._keys.tick("truths"), truths, must_arrive=True)
         self._session.put(self._keys.clock, clock, must_arrive=True)
 
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        """Publish it; it waits for nobody, and the record has it anyway."""
+        self._session.put(self._keys.warning(node), Header.at(sim_time_ns, text))
+
     def close(self) -> None:
         """Report nothing more."""
         if self._clock is not None:

@@ -362,6 +362,9 @@ class _InTheLoop:
     def tick(self, clock: Clock, truths: Truths) -> None:
         self._call(self._program.tick, clock, truths)
 
+    def warning(self, node: str, text: str, sim_time_ns: int) -> None:
+        self._call(self._program.warning, node, text, sim_time_ns)
+
     def _call(self, callback: Callable[..., None], *arguments: object) -> None:
         if self._program.flies_in_the_loop:
             self._loop.call_soon(self._guarded, callback, arguments)

@@ -33,7 +33,7 @@ from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import UNUSABLE, status_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.signals import ending_signals, heed_signals, leave_terminal
-from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.flight.summary import TickWatch, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
 
 
@@ -129,8 +129,7 @@ class Flight:
         self._interrupted = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._fleet: Fleet | None = None
-        self._first_tick: float | None = None
-        self._last_tick = 0.0
+        self._ticks = TickWatch()
         self._unfinished: list[str] = []
         self._error: str | None = None
         self._doing = ""
@@ -198,8 +197,7 @@ class Flight:
     ) -> tuple[Ending, int]:
         def on_message(message: Message) -> None:
             if isinstance(message, Clock):
-                self._last_tick = monotonic()
-                self._first_tick = self._first_tick or self._last_tick
+                self._ticks.tick(message.header.stamp.ns, monotonic())
             self._watcher.on_message(message)
 
         joins = self._view_joins if self.view is not None else None
@@ -284,8 +282,7 @@ class Flight:
         self._watcher.on_phase(doing)
 
     def _report(self, ending: Ending, sim_time_ns: int) -> dict[str, Any]:
-        wall_s = self._last_tick - self._first_tick if self._first_tick is not None else 0.0
-        timing = Timing(sim_time_ns / 1e9, wall_s)
+        timing = self._ticks.timing(sim_time_ns)
         self._begin("writes its tables")
         try:
             self._finish_tables()
@@ -296,7 +293,7 @@ class Flight:
             self.scenario, self.directory, timing, ending.value, self._unfinished, error=self._error
         )
         write_summary(summary, self.directory)
-        if self.scenario.figure and ending not in UNJUDGED:
+        if self.scenario.figure and summary["bins"] and ending not in UNJUDGED:
             self._begin("draws the figure")
             draw_probability_of_delivery(
                 summary,

@@ -34,15 +34,40 @@ BIN_SENT_MIN = 50
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How long a run took, from the first tick of sim time on."""
+    """How long a run took: sim time of its last tick, and wall time from its first tick after 0 to the last.
+
+    At 0 it may wait for long, for an autopilot that somebody starts.
+    """
 
     sim_duration_s: float
     wall_duration_s: float
+    first_tick_s: float = 0.0
+    """Sim time from which the wall time counts."""
 
     @property
     def real_time_factor(self) -> float:
         """Sim time per wall time."""
-        return self.sim_duration_s / self.wall_duration_s if self.wall_duration_s > 0 else 0.0
+        sim_s = self.sim_duration_s - self.first_tick_s
+        return sim_s / self.wall_duration_s if self.wall_duration_s > 0 else 0.0
+
+
+class TickWatch:
+    """When ticks came, by wall time."""
+
+    def __init__(self) -> None:
+        self._first: tuple[int, float] | None = None
+        self._latest_s = 0.0
+
+    def tick(self, sim_time_ns: int, now_s: float) -> None:
+        """A tick came."""
+        self._latest_s = now_s
+        if self._first is None and sim_time_ns > 0:
+            self._first = sim_time_ns, now_s
+
+    def timing(self, sim_time_ns: int) -> Timing:
+        """Of a run whose last tick is at ``sim_time_ns``."""
+        first_ns, first_s = self._first or (0, self._latest_s)
+        return Timing(sim_time_ns / NS_PER_S, self._latest_s - first_s, first_ns / NS_PER_S)
 
 
 def summarise(

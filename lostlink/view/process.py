@@ -87,7 +87,7 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
         OSError: the port is taken.
         ViewDied: a part of the view did.
     """
-    view = view_of(run.scenario)
+    view = view_of(run.scenario, monotonic)
     source = LiveSource(Access(run.info.run, run.info.endpoint, OBSERVERS), view)
     operator = Operator(access_of(run.path, OPERATOR), view.tell) if settings.control else None
     viewers = _Viewers(source, partial(view.tell, ""))

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Final
 
 from aps.links.address import LinkAddress
-from aps.links.link import Link, LinkOwner
+from aps.links.link import Link, LinkOwner, Role
 from aps.links.outbox import LEAST_QUEUE_BYTES, FrameQueue
 from aps.timeouts import FIRST_RETRY_S, LONGEST_RETRY_S
 from aps.wire.framer import MAX_FRAME_BYTES
@@ -180,13 +180,17 @@ class SerialLink(Link):
 
 
 class SerialConnector:
-    """Keeps one serial line open; each time that it is opened is a new link."""
+    """Keeps one serial line open; each time that it is opened is a new link.
+
+    An autopilot's has the counts of the one before: what was lost while the device was away is missing by its numbers.
+    """
 
     def __init__(self, address: LinkAddress, owner: LinkOwner, limit_bytes: int) -> None:
         self.address = address
         self.connections = 0
         """How often it was opened."""
         self._owner, self._limit_bytes = owner, limit_bytes
+        self._before: SerialLink | None = None
 
     async def start(self) -> None:
         """See that there can be such a line; the device itself may come later.
@@ -217,6 +221,10 @@ class SerialConnector:
 
     async def _serve(self, line: int) -> None:
         link = SerialLink(self._owner, self.address, self._limit_bytes, line)
+        if link.role is Role.AUTOPILOT:
+            if self._before is not None:
+                link.traffic, link.framer = self._before.traffic, self._before.framer
+            self._before = link
         try:
             if self._owner.link_opened(link):
                 self.connections += 1

@@ -20,6 +20,8 @@ from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 __all__ = ["GetExecution", "ListExecution", "SetExecution", "get", "set_all", "set_one"]
 
 NAME_CHARS: Final = 16
+SYSTEM_ID_PARAMETERS: Final = frozenset({"MAV_SYSID", "SYSID_THISMAV", "MAV_SYS_ID"})
+"""What an autopilot calls itself: ArduPilot (from 4.7 on, before) at once, PX4 after a reboot."""
 GAPS_AT_ONCE: Final = 10
 """Missing parameters that are asked for together."""
 MAX_CHANGES: Final = 16
@@ -184,6 +186,9 @@ class SetExecution(_Asking):
         after = f" ({self._at} of {len(self._wanted)} are set)" if len(self._wanted) > 1 else ""
         if self._kept is not None:
             self.refuse(f"the autopilot keeps {name} at {self._kept:g} and does not take {value:g}{after}")
+        elif name in SYSTEM_ID_PARAMETERS and self._kind is not None:
+            reason = f"no answer: {name} is set if the autopilot calls itself system {value:g} now{after}"
+            self.end(Outcome.TIMED_OUT, reason)
         else:
             self.end(Outcome.TIMED_OUT, f"no answer: there may be no parameter {name}{after}")
 
@@ -195,6 +200,20 @@ class SetExecution(_Asking):
             self.refuse(f"{self._wanted[self._at][0]}: {enum_label('MAV_PARAM_ERROR', int(fields['error']))}")
         elif name == "PARAM_VALUE":
             self._take(decoded(fields, self._autopilot), fields)
+
+    def on_other_system(self, sysid: int, fields: Mapping[str, Any]) -> None:
+        """The system id that is being set, of the autopilot that has it now: nothing else can be set here then."""
+        if self._at == len(self._wanted) or self._kind is None:
+            return
+        name, value = self._wanted[self._at]
+        if name not in SYSTEM_ID_PARAMETERS or fields.get("param_id") != name:
+            return
+        if not value == sysid == decoded(fields, self._autopilot):
+            return
+        self._next(name)
+        if self._at < len(self._wanted):
+            count = f"{self._at} of {len(self._wanted)} are set"
+            self.interrupt(f"the autopilot calls itself system {sysid} now ({count})")
 
     def _take(self, value: float, fields: Mapping[str, Any]) -> None:
         name, wanted = self._wanted[self._at]

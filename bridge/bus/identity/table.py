@@ -82,7 +82,7 @@ TABLE = (
     AccessRow("node/{node}/radio_status", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/measurements", writes=RADIO, reads=OWN | LOOKERS),
     AccessRow("node/{node}/agent", writes=HOST | FREE, reads=OWN | RADIO | LOOKERS),
-    AccessRow("node/{node}/warning", writes=HOST, reads=OWN | LOOKERS),
+    AccessRow("node/{node}/warning", writes=PHYSICS | HOST, reads=OWN | LOOKERS),
     AccessRow("node/{node}/log/*", writes=HOST | FREE, reads=OWN | LOOKERS),
     AccessRow("node/{node}/radio", writes=HOST, reads=RADIO | LOOKERS),
     AccessRow("node/{node}/answer", writes=HOST, reads=OWN | RADIO | LOOKERS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import AsyncIterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, get_args
@@ -152,14 +153,22 @@ def run(
             fail(f"{out}: cannot make a directory for the run there: {error}")
         if viewing is not None:
             beside.enter_context(viewing).start(flight.directory)
-            flight.view = viewing.failures(flight.directory, lambda: flight.is_flying)
-            say(f"view: {viewing.address}", err=as_json or quiet)
+            failures = viewing.failures(flight.directory, lambda: flight.is_flying)
+            flight.view = _announced(viewing.address, failures, err=as_json or quiet)
         summary = flight.fly_and_tell(dirs)
         ports.close()
         _tell(flight, summary, as_json=as_json, quiet=quiet, digest=digest)
         if viewing is not None and flight.signal is None:
             _keep(viewing, flight.directory)
     sys.exit(flight.exit_status(summary))
+
+
+async def _announced(address: str, failures: AsyncIterator[str], *, err: bool) -> AsyncIterator[str]:
+    """What goes wrong with a view; its address is printed once it serves."""
+    async for failure in failures:
+        if not failure:
+            say(f"view: {address}", err=err)
+        yield failure
 
 
 def _flight(scenario: Scenario, dirs: AutopilotDirs, out: Path, *, quiet: bool) -> ShownFlight:

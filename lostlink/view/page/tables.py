@@ -13,6 +13,8 @@ from lostlink.view.picture.fleet_view import FleetView
 Rows = list[dict[str, Any]]
 
 
+STILL_S = 3.0
+"""Wall time without a tick after which sim time stands still; a run that is slow may take long for one."""
 FIRST_S = 1.0
 """A page that is there so early has seen the run from its beginning."""
 
@@ -115,7 +117,11 @@ def node_words(view: FleetView, number: int) -> str:
 def time_words(view: FleetView, *, is_record: bool) -> str:
     """How far it is, and how fast a simulation goes; how fast a record is played is what viewers chose."""
     words = f"{view.sim_time_ns / 1e9:.1f} s of sim time"
-    return words if is_record else f"{words}, {view.clock.real_time_factor:.1f} x real time"
+    if is_record:
+        return words
+    if view.still_s >= STILL_S:
+        return f"{words}, stands still for {view.still_s:.0f} s"
+    return f"{words}, {view.clock.real_time_factor:.1f} x real time"
 
 
 def status_words(view: FleetView, *, is_record: bool) -> str:
@@ -126,7 +132,8 @@ def status_words(view: FleetView, *, is_record: bool) -> str:
     if is_record:
         speed = "as fast as possible" if np.isinf(clock.speed) else f"{clock.speed:g} x"
         return "record, paused" if clock.paused else f"record, played {speed}"
-    words = "paused" if clock.paused else "running" if view.sim_time_ns else "waits for the first tick"
+    going = "waits for a tick" if view.still_s >= STILL_S else "running"
+    words = "paused" if clock.paused else going if view.sim_time_ns else "waits for the first tick"
     return f"{words}; not waited for: {', '.join(clock.stalled)}" if clock.stalled else words
 
 

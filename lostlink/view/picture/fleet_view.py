@@ -78,22 +78,29 @@ class FleetView:
         nodes: all nodes, in the order of their indices.
         duration_s: sim time at which the run ends at the latest.
         emitters: of the scenario.
+        now_s: wall time, by which sim time may stand still.
     """
 
     def __init__(
-        self, nodes: Sequence[NodeInfo], duration_s: float, emitters: Sequence[EmitterInfo] = ()
+        self,
+        nodes: Sequence[NodeInfo],
+        duration_s: float,
+        emitters: Sequence[EmitterInfo] = (),
+        now_s: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.nodes = tuple(nodes)
         self.emitters = tuple(emitters)
         self.duration_s = duration_s
         self.index = {node.id: number for number, node in enumerate(self.nodes)}
         self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
+        self._now_s = now_s
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
 
     def _begin(self) -> None:
         self.clock = Clock()
+        self._clock_s = self._now_s()
         self.is_over = False
         self.links = LinkHistory(len(self.nodes))
         self.logged = Logged(tuple(self.index))
@@ -133,6 +140,13 @@ class FleetView:
         """Sim time of the newest tick."""
         return self.clock.header.stamp.ns
 
+    @property
+    def still_s(self) -> float:
+        """For how long a tick is due, s of wall time: 0 before the first, in a pause, at the end."""
+        if self.is_over or self.clock.paused or not self.sim_time_ns:
+            return 0.0
+        return self._now_s() - self._clock_s
+
     def take(self, message: Message, node: str = "") -> None:
         """Take a message; ``node`` is whose it is, by its key. What is of unknown kinds or nodes is ignored."""
         if isinstance(message, AgentStatus | AircraftState):
@@ -162,7 +176,7 @@ class FleetView:
     def _take_clock(self, clock: Clock) -> None:
         if clock.header.stamp.ns < self.sim_time_ns:  # the pace changed a tick ago
             clock = replace(clock, header=self.clock.header)
-        self.clock = clock
+        self.clock, self._clock_s = clock, self._now_s()
 
     def _take_fates(self, fates: Fates) -> None:
         self.losses.take(fates)
@@ -209,12 +223,12 @@ class FleetView:
         node, state = item
         before = self.news[node].state
         self.news[node].state = state
-        if before is not None and before.mode != state.mode:
+        if before is not None and state.mode and before.mode != state.mode:  # a new boot has none at first
             self.tell(node, f"mode {state.mode}")
 
 
-def view_of(scenario: Scenario) -> FleetView:
-    """The empty picture of a run of ``scenario``."""
+def view_of(scenario: Scenario, now_s: Callable[[], float] = lambda: 0.0) -> FleetView:
+    """The empty picture of a run of ``scenario``; ``now_s`` says wall time, if the run is flown now."""
     nodes = [NodeInfo(ua.node, "ua", scenario.title(ua.node), ua.airframe) for ua in scenario.ua]
     nodes += [
         NodeInfo(node.node, "ground", scenario.title(node.node), takes_commands=node.has_agent)
@@ -222,4 +236,4 @@ def view_of(scenario: Scenario) -> FleetView:
     ]
     order = {node: number for number, node in enumerate(scenario.stations)}
     emitters = [EmitterInfo(each.node, each.frequency_hz, each.power_dbm) for each in scenario.emitters]
-    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s, emitters)
+    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s, emitters, now_s)

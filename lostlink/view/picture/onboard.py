@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from aps.timeouts import REBOOT_STEP_MS
 from aps.vehicle.missions.items import MissionItem
 from aps.vehicle.missions.overheard import OVERHEARD, Overheard
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
@@ -27,6 +28,10 @@ _TOLD: Final = {
     _HOME: slice(0, 12),  # latitude, longitude, altitude
 }
 """Messages that come again and again, and the bytes of their payloads that matter here."""
+_CLOCKS: Final = {2: 8, 30: 0, 32: 0, 33: 0}
+"""Messages that carry the autopilot's clock, and where in their payloads."""
+_WRAPPED_MS: Final = 1 << 31
+"""A clock of 32 bits that falls by more than this began anew without a reboot."""
 Fields = Mapping[str, Any]
 Earth = tuple[float, float, float]
 """Latitude, longitude, degrees; height above mean sea level, m."""
@@ -42,10 +47,14 @@ class AutopilotText:
 
 
 class Sieve:
-    """Lets through the frames that change what is on board: of a message that repeats itself, the first."""
+    """Lets through the frames that change what is on board: of a message that repeats itself, the first.
+
+    Of those that carry the autopilot's clock, the one that shows a reboot.
+    """
 
     def __init__(self) -> None:
         self._last: dict[int, bytes] = {}
+        self._clock_ms = 0
 
     def is_news(self, frame: Frame, *, to_autopilot: bool) -> bool:
         """Whether a frame of the link with the autopilot matters."""
@@ -53,6 +62,9 @@ class Sieve:
             return frame.msg_id in OVERHEARD or frame.msg_id == _COMMAND_INT
         if frame.compid != AUTOPILOT_COMPID:
             return False
+        place = _CLOCKS.get(frame.msg_id)
+        if place is not None:
+            return self._shows_reboot(frame.payload.ljust(place + 4, b"\0")[place : place + 4])
         told = _TOLD.get(frame.msg_id)
         if told is None:
             return frame.msg_id in OVERHEARD or frame.msg_id == STATUSTEXT_ID
@@ -60,6 +72,17 @@ class Sieve:
         if self._last.get(frame.msg_id) == said:
             return False
         self._last[frame.msg_id] = said
+        return True
+
+    def _shows_reboot(self, clock: bytes) -> bool:
+        clock_ms = int.from_bytes(clock, "little")
+        back_ms = self._clock_ms - clock_ms
+        if 0 <= back_ms <= REBOOT_STEP_MS:
+            return False
+        self._clock_ms = clock_ms
+        if not 0 < back_ms < _WRAPPED_MS:
+            return False
+        self._last.clear()
         return True
 
 
@@ -75,19 +98,13 @@ class Onboard:
         battery_percent: what is left; -1 if it does not say.
         gps_fix: GPS_FIX_TYPE; -1 until there is a GPS.
         satellites: that its GPS sees.
-        texts: its messages, the newest last, TEXTS_KEPT at most.
+        texts: its messages, the newest last, TEXTS_KEPT at most; those of the boots before, too.
     """
 
     def __init__(self) -> None:
         self.changes = 0
-        self.home: Earth | None = None
-        self.current, self.mission_state = -1, ""
-        self.target: tuple[float, float] | None = None
-        self.battery_percent = self.gps_fix = -1
-        self.satellites = 0
         self.texts: deque[AutopilotText] = deque(maxlen=TEXTS_KEPT)
         self._autopilot = ARDUPILOT
-        self._overheard = Overheard()
         self._chunks = StatusTextAssembler()
         self._handlers: dict[int, Callable[[Fields], None]] = {
             _HEARTBEAT: self._take_heartbeat,
@@ -97,6 +114,16 @@ class Onboard:
             _COMMAND_INT: self._take_command,
             _HOME: self._take_home,
         }
+        self._boot()
+
+    def _boot(self) -> None:
+        """Forget what the boot before has said."""
+        self.home: Earth | None = None
+        self.current, self.mission_state = -1, ""
+        self.target: tuple[float, float] | None = None
+        self.battery_percent = self.gps_fix = -1
+        self.satellites = 0
+        self._overheard = Overheard()
 
     def take(self, sim_time_ns: int, frame: Frame, *, to_autopilot: bool) -> None:
         """Take a frame that `Sieve` lets through."""
@@ -104,6 +131,8 @@ class Onboard:
         self._add(sim_time_ns, self._chunks.overdue(sim_time_ns))
         if frame.msg_id in OVERHEARD:
             self._overheard.take(frame, to_autopilot=to_autopilot)
+        elif frame.msg_id in _CLOCKS:
+            self._boot()
         elif frame.msg_id == STATUSTEXT_ID:
             self._add(sim_time_ns, self._chunks.take(frame, sim_time_ns))
         elif fields := message_fields(frame.raw):

@@ -46,6 +46,15 @@ async def test_ready_line_and_clean_exit(autopilot, connect, number):
     assert b"Traceback" not in stderr
 
 
+async def test_the_ready_line_has_all_ways_to_the_autopilot(autopilot):
+    ways = f"tcp:127.0.0.1:{autopilot.port}", "udp-in:127.0.0.1:0"
+    given = [argument for way in ways for argument in ("--autopilot", way)]
+    process = await start(*given, "--sysid", "2", "--listen", "127.0.0.1:0")
+    assert (await line(process)).split()[4:] == [f"autopilot={way}" for way in ways]
+    process.send_signal(signal.SIGTERM)
+    assert await asyncio.wait_for(process.wait(), 10) == 0
+
+
 async def test_the_api_of_a_daemon_from_the_command_line(autopilot):
     process = await start(
         *("--autopilot", f"tcp:127.0.0.1:{autopilot.port}", "--sysid", "2", "--listen", "127.0.0.1:0"),

@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.config import DaemonConfig
 from aps.core import Core
 from aps.links.link import Link, Opening, Role
+from aps.links.outbox import OutboxCounters
 from aps.vehicle.streams import MAX_WISHES
 from aps.wire.framer import Framer
 
@@ -30,6 +31,7 @@ class Bench:
         self.autopilot = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
         self.heard = []
         self.ends = []
+        self.counters = OutboxCounters()
         config = DaemonConfig(autopilot="tcp:127.0.0.1:1", sysid=2, stream_rates_hz=rates_hz or {})
         self.core = Core(config, lambda: self.now_ns, lambda: None, **core_options)
         self.link = link_of(0, self, Role.AUTOPILOT)
@@ -40,8 +42,11 @@ class Bench:
         self.heard += self.parser.parse_buffer(frame)
 
     def say(self, *messages):
-        data = b"".join(bytes(message.pack(self.autopilot)) for message in messages)
-        self.core.frames(self.link, self.link.framer.receive(data), self.now_ns)
+        data = b""
+        for message in messages:
+            data += bytes(message.pack(self.autopilot))
+            self.autopilot.seq = (self.autopilot.seq + 1) & 0xFF
+        self.core.frames(self.link, self.link.receive(data, self.now_ns), self.now_ns)
 
     def heartbeat(self, armed=False):
         self.say(mavlink.MAVLink_heartbeat_message(2, 3, 0x59 | 0x80 * armed, 4, 4, 3))
@@ -328,3 +333,173 @@ def test_streams_of_others_behind_the_autopilots_link_are_theirs(bench, target):
     assert passed[1].param2 == 500
     assert bench.core.vehicle.streams.interval_us(ATTITUDE) == 0
     assert bench.core.vehicle.streams.counters.client_requests == 0
+
+
+def lost(bench):
+    return bench.core.autopilot_statistics(bench.now_ns)["lost_in"]
+
+
+@pytest.mark.parametrize("at", [1, 100, 255])
+def test_frames_of_a_new_boot_are_not_lost_whatever_number_the_old_one_was_at(at):
+    bench = Bench()
+    bench.autopilot.seq = at
+    bench.clock(60_000)
+    bench.autopilot.seq = (bench.autopilot.seq + 2) & 0xFF
+    bench.clock(61_000)
+    bench.autopilot.seq = 0
+    bench.heartbeat()
+    bench.clock(1_000)
+    assert (bench.core.vehicle.telemetry.reboots, lost(bench)) == (1, 2)
+    bench.heartbeat()
+    bench.autopilot.seq += 3
+    bench.clock(2_000)
+    assert lost(bench) == 5
+
+
+def test_a_second_link_loses_nothing_by_a_reboot_that_the_first_one_shows(bench):
+    second = link_of(1, Nobody(), Role.AUTOPILOT)
+    bench.core.link_opened(second, 0)
+    by_second = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
+
+    def say(seq):
+        by_second.seq = seq
+        raw = bytes(mavlink.MAVLink_heartbeat_message(2, 3, 0x59, 4, 4, 3).pack(by_second))
+        bench.core.frames(second, second.receive(raw, bench.now_ns), bench.now_ns)
+
+    bench.clock(60_000)
+    say(100)
+    bench.clock(1_000)
+    say(0)
+    bench.clock(2_000)
+    say(1)
+    assert second.traffic.lost == 0
+    say(4)
+    assert second.traffic.lost == 2
+
+
+def test_only_the_autopilots_own_frames_are_missed(bench):
+    """Of two links to it ArduPilot hands what comes by one to the other: some of our frames, not all."""
+    ours = mavlink.MAVLink(None, srcSystem=2, srcComponent=191)
+    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    for seq in range(0, 90, 3):
+        for sender in (ours, station):
+            sender.seq = seq
+            raw = bytes(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3).pack(sender))
+            bench.core.frames(bench.link, bench.link.receive(raw, 0), 0)
+        bench.heartbeat()
+    assert lost(bench) == 0
+    bench.autopilot.seq += 2
+    bench.heartbeat()
+    assert lost(bench) == 2
+
+
+def test_without_a_link_the_autopilot_is_not_connected_and_takes_no_command():
+    bench = Bench()
+    assert str(bench.start("arm").result) == "arm refused: the autopilot has not been heard"
+    bench.heartbeat()
+    bench.clock(60_000)
+    state = bench.core.vehicle.telemetry.state
+    assert state(bench.now_ns).connected
+    arming = bench.start("arm")
+    transfer = bench.start("parameter_get", "ANGLE_MAX")
+    bench.core.link_closed(0, bench.now_ns)
+    assert not state(bench.now_ns).connected
+    assert bench.core.autopilot_statistics(bench.now_ns)["up"] is False
+    assert str(arming.result) == "arm interrupted: no link to the autopilot"
+    assert transfer.result is None
+    assert str(bench.start("arm").result) == "arm refused: no link to the autopilot"
+    bench.heard.clear()
+    bench.wait(1.0)
+    bench.core.link_opened(bench.link, bench.now_ns)
+    bench.heartbeat()
+    bench.wait(4.0)
+    assert state(bench.now_ns).connected
+    assert bench.commands(ARM) == []
+
+
+def test_a_flight_that_was_accepted_is_followed_over_a_link_that_comes_back():
+    bench = flying()
+    bench.core.link_closed(0, bench.now_ns)
+    bench.wait(29.0)
+    bench.core.link_opened(bench.link, bench.now_ns)
+    bench.wait(2.0)
+    assert bench.ends == []
+    bench.core.link_closed(0, bench.now_ns)
+    bench.wait(30.0)
+    assert bench.ends == ["takeoff timed out: no link to the autopilot for 30 s"]
+
+
+def test_a_reboot_that_takes_the_link_away_before_it_is_acknowledged_is_reached():
+    bench = Bench()
+    bench.heartbeat()
+    bench.clock(60_000)
+    rebooting = bench.start("reboot")
+    bench.core.link_closed(0, bench.now_ns)
+    bench.wait(3.0)
+    bench.core.link_opened(bench.link, bench.now_ns)
+    bench.clock(1_000)
+    assert rebooting.result.reached
+
+
+def test_a_command_is_asked_for_by_another_link_that_takes_over(bench):
+    second = link_of(1, bench, Role.AUTOPILOT)
+    bench.core.link_opened(second, 0)
+    arming = bench.start("arm")
+    bench.core.link_closed(0, 0)
+    bench.wait(1.0)
+    assert arming.result is None
+    assert len(bench.commands(ARM)) == 2
+    assert bench.core.vehicle.telemetry.state(bench.now_ns).connected
+
+
+class SecondLink:
+    """Another autopilot's link, or another one to the same: it answers each TIMESYNC with a time of its own."""
+
+    def __init__(self, bench, number, ahead_s, sysid=2):
+        self.bench, self.ahead_ns = bench, round(ahead_s * S)
+        self.counters = OutboxCounters()
+        self.mav, self.parser = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1), mavlink.MAVLink(None)
+        self.link = link_of(number, self, Role.AUTOPILOT)
+        self.asked = []
+        bench.core.link_opened(self.link, bench.now_ns)
+
+    def put(self, frame):
+        self.asked += [m.ts1 for m in self.parser.parse_buffer(frame) if m.get_type() == "TIMESYNC"]
+
+    def answer(self):
+        for ts1 in self.asked:
+            message = mavlink.MAVLink_timesync_message(600 * S + self.ahead_ns + ts1, ts1)
+            raw = bytes(message.pack(self.mav))
+            self.bench.core.frames(self.link, self.link.receive(raw, self.bench.now_ns), self.bench.now_ns)
+        self.asked.clear()
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "sysid", "are_two"),
+    [(0.0, 2, False), (4.9, 2, False), (5.1, 2, True), (-300.0, 2, True), (-300.0, 3, False)],
+)
+def test_two_autopilots_of_one_system_id_are_told_once(caplog, ahead_s, sysid, are_two):
+    bench = Bench(measures_latency=True)
+    bench.core.link_closed(0, 0)
+    links = SecondLink(bench, 1, 0.0), SecondLink(bench, 2, ahead_s, sysid)
+    for _ in range(10):
+        bench.wait(1.0)
+        for link in links:
+            link.answer()
+    told = [record.message for record in caplog.records if "more than one" in record.message]
+    assert told == are_two * [
+        "more than one autopilot calls itself system 2, at link 1 and link 2: one of them alone is heard and commanded"
+    ]
+
+
+def test_one_autopilot_that_reboots_between_two_answers_is_one(caplog):
+    bench = Bench(measures_latency=True)
+    bench.core.link_closed(0, 0)
+    first, second = SecondLink(bench, 1, 0.0), SecondLink(bench, 2, 0.0)
+    for second_s in range(20):
+        bench.wait(1.0)
+        first.answer()
+        if second_s == 10:
+            first.ahead_ns = second.ahead_ns = -500 * S
+        second.answer()
+    assert "more than one" not in caplog.text

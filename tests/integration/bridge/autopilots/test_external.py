@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import struct
 import subprocess
@@ -128,6 +129,22 @@ def fly_legacy(run: Run) -> int:
                 peer.recv(256)
                 answers += 1
     return answers
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", ["one", "many"])
+def test_an_autopilot_that_dies_is_named_while_the_run_waits(
+    start_run: StartRun, start_autopilots: StartAutopilots, processes: str
+) -> None:
+    scenario = EXTERNAL.replace("radio:", "fdm: {{stall_timeout_s: 2}}\nradio:")
+    run = start_run(scenario=scenario, processes=processes, speed="1")
+    run.wait_for("waits for the autopilots")
+    autopilots = start_autopilots(run.slot)
+    run.wait_for("sim time")
+    autopilots[1].kill()
+    run.wait_for("warning: UA 1: its autopilot does not answer")
+    assert b"warning: UA 0" not in run.output
+    run.stop(signal.SIGINT)
 
 
 @pytest.mark.slow

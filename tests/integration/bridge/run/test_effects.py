@@ -151,6 +151,7 @@ def test_an_autopilot_that_is_gone_is_told_as_a_reason_why_the_run_may_not_repea
     run.wait_for("sim time")
     autopilot = run.child("standin --sysid 2")
     autopilot.send_signal(signal.SIGSTOP)
+    run.wait_for("warning: UA 1: its autopilot does not answer")
     run.wait_for("stalled: UA 1")
     autopilot.send_signal(signal.SIGCONT)
     assert run.finish() == 0, run.output.decode()

@@ -73,6 +73,14 @@ def test_run_leaves_a_complete_and_balanced_record(start_run: StartRun, processe
     assert logs == LOGS[processes]
 
 
+def test_a_run_without_packets_has_no_figure(start_run: StartRun) -> None:
+    alone = "\n".join(line for line in STILL.splitlines() if "id: 1," not in line)
+    run = start_run(scenario=alone + "\n", duration_s=1.0, figure=True)
+    assert run.finish() == 0, run.output.decode()
+    assert run.summary["bins"] == []
+    assert not (run.directory / "probability_of_delivery.png").exists()
+
+
 def deliveries(run: Run) -> bytes:
     return (run.directory / "deliveries.parquet").read_bytes()
 

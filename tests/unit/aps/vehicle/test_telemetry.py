@@ -8,7 +8,7 @@ from aps.vehicle.telemetry import Telemetry, VehicleState
 from aps.wire.framer import Framer
 
 S = 1_000_000_000
-UNMEASURED = {"sysid", "heartbeat_age_s", "as_of_ns", "heard_ns"}
+UNMEASURED = {"sysid", "link_open", "heartbeat_age_s", "as_of_ns", "heard_ns"}
 RECORDING = Path(__file__).parents[3] / "data" / "mavlink_arducopter.bin"
 """ArduCopter 4.7-dev SITL (--model quad), system 4: arm, takeoff to 10 m, GUIDED leg, LAND; 50 s at 4 Hz."""
 
@@ -377,3 +377,14 @@ def test_mission_state(feed):
     assert (state.mission_current, state.mission_total, state.mission_state) == (3, 12, "COMPLETE")
     state = feed(mavlink.MAVLink_mission_current_message(3))
     assert (state.mission_current, state.mission_total, state.mission_state) == (3, -1, "")
+
+
+@pytest.mark.parametrize(("heard_s", "mode"), [(10.05, ""), (12.5, ""), (13.5, "GUIDED")])
+def test_a_heartbeat_that_a_new_boot_sends_before_its_clock_stays(feed, heard_s, mode):
+    """The last clock of the old boot comes at 10 s, the first of the new one at 14 s, 1 s after it began."""
+    feed(heartbeat(5), 9 * S)
+    feed(clock(500_000), 10 * S)
+    feed(heartbeat(4), round(heard_s * S))
+    state = feed(clock(1_000), 14 * S)
+    assert (state.mode, feed.telemetry.reboots) == (mode, 1)
+    assert state.age_s("mode") == (14.0 - heard_s if mode else math.inf)

@@ -19,7 +19,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from lostlink.flight.bins_table import bins_table
 from lostlink.flight.figure import draw_probability_of_delivery
-from lostlink.flight.summary import Timing, expectation_lines, summarise
+from lostlink.flight.summary import TickWatch, Timing, expectation_lines, summarise
 from lostlink.redecision.redecide import redecide
 from lostlink.redecision.rewrite import write_run
 from tests.unit.bridge.record.runs import RunContent, make_run
@@ -60,6 +60,17 @@ def summary_of(
         json.dumps({"links": links, "bins": bins, "refused": {}, "checks": checks or [], "unjudged": []})
     )
     return summarise(scenario, RunDirectory(path), Timing(100.0, 10.0), ending)
+
+
+def test_the_time_of_a_run_counts_from_its_first_tick_after_0() -> None:
+    ticks = TickWatch()
+    assert ticks.timing(0) == Timing(0.0, 0.0)
+    ticks.tick(0, 100.0)  # and then it waits for an autopilot that somebody starts
+    assert ticks.timing(0) == Timing(0.0, 0.0)
+    for tick in range(1, 21):
+        ticks.tick(tick * 500_000_000, 160.0 + tick * 0.25)
+    timing = ticks.timing(10_000_000_000)
+    assert (timing.sim_duration_s, timing.wall_duration_s, timing.real_time_factor) == (10.0, 4.75, 2.0)
 
 
 def test_a_run_passes_if_all_checks_do(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from bridge.bus.messages import Clock, Fates, Header, Links, Truth, Truths, Vector3
 from lostlink.view.picture.fleet_view import EmitterInfo, FleetView, NodeInfo
@@ -11,9 +11,10 @@ CAUSES = ("delivered", "channel_erasure", "out_of_range")
 NS = 1_000_000_000
 
 
-def view_of_two(duration_s: float = 60.0) -> FleetView:
+def view_of_two(duration_s: float = 60.0, now_s: Callable[[], float] = lambda: 0.0) -> FleetView:
     """A UA and a ground node."""
-    return FleetView([NodeInfo("0", "ua", "UA 0", "f450"), NodeInfo("gcs", "ground", "node gcs")], duration_s)
+    nodes = [NodeInfo("0", "ua", "UA 0", "f450"), NodeInfo("gcs", "ground", "node gcs")]
+    return FleetView(nodes, duration_s, now_s=now_s)
 
 
 def with_emitter() -> FleetView:

@@ -8,7 +8,7 @@ from aps.vehicle.execution import Outcome
 from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
 from aps.vehicle.parameters.ftp import PACKED_PARAMETERS, ReadExecution, unpacked
 from aps.vehicle.parameters.transfer import as_float32, decoded, set_message
-from tests.unit.aps.vehicle.peer import Bench, KeepingAutopilot, WholeNumbers, packed
+from tests.unit.aps.vehicle.peer import SYSID, Bench, KeepingAutopilot, WholeNumbers, packed
 
 _VALUES = np.random.default_rng(5)
 PARAMETERS = {
@@ -403,3 +403,54 @@ def test_parameter_files():
         read_parameters("A 1\nB 1e39\n")
     with pytest.raises(ValueError, match="line 1: nan is no value"):
         read_parameters("A nan\n")
+
+
+class RenamedAutopilot(KeepingAutopilot):
+    """Answers by its new system id at once, as ArduPilot 4.7 does, and to nothing that is for the one before."""
+
+    def hear(self, frame):
+        if self.mav.srcSystem == SYSID:
+            super().hear(frame)
+
+    def _param_set(self, message):
+        self.parameters[message.param_id] = message.param_value
+        if message.param_id in ("MAV_SYSID", "SYSID_THISMAV"):
+            self.mav.srcSystem = int(message.param_value)
+        if self.answers:
+            self._param_value_out(65535, message.param_id)
+
+    answers = True
+
+
+@pytest.mark.parametrize("name", ["MAV_SYSID", "SYSID_THISMAV"])
+def test_a_system_id_is_set_when_the_system_that_has_it_says_so(name):
+    bench = Bench(RenamedAutopilot([(name, float(SYSID))]))
+    assert bench.run("parameter_set", name, 9.0).reached
+    assert bench.now_ns < 1e9
+    assert bench.progress[-1].text == f"{name} is set"
+
+
+def test_what_is_set_after_the_system_id_is_not():
+    bench = Bench(RenamedAutopilot([("A", 1.0), ("MAV_SYSID", float(SYSID)), ("Z", 1.0)]))
+    result = bench.run("parameters_set", {"A": 2.0, "MAV_SYSID": 9.0, "Z": 2.0})
+    assert str(result) == (
+        "parameters_set interrupted: the autopilot calls itself system 9 now (2 of 3 are set)"
+    )
+
+
+def test_a_system_id_without_an_answer_may_be_set():
+    autopilot = RenamedAutopilot([("MAV_SYSID", float(SYSID))])
+    autopilot.answers = False
+    result = Bench(autopilot).run("parameter_set", "MAV_SYSID", 9.0)
+    assert str(result) == (
+        "parameter_set timed out: no answer: MAV_SYSID is set if the autopilot calls itself system 9 now"
+    )
+
+
+def test_another_systems_parameter_is_not_taken_for_ours():
+    """One that is called 9 already is not ours: ours is not set before it was asked to be."""
+    bench = Bench(KeepingAutopilot([("MAV_SYSID", float(SYSID))]))
+    bench.commands.start("parameter_get", "MAV_SYSID", on_done=(ends := []).append)
+    bench.autopilot.mav.srcSystem = 9
+    bench.tell(mavlink.MAVLink_param_value_message(b"MAV_SYSID", 9.0, 9, 1, 0))
+    assert ends == []

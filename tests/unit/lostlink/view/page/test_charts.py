@@ -181,6 +181,30 @@ def test_how_time_goes_in_words() -> None:
     assert status_words(view, is_record=False) == "over"
 
 
+def test_time_that_stands_still_is_told() -> None:
+    now_s = 100.0
+    view = view_of_two(now_s=lambda: now_s)
+    assert status_words(view, is_record=False) == "waits for the first tick"
+    view.take(clock(12.34))
+    now_s += 2.9
+    assert time_words(view, is_record=False) == "12.3 s of sim time, 1.0 x real time"
+    assert status_words(view, is_record=False) == "running"
+    now_s += 4.1
+    assert time_words(view, is_record=False) == "12.3 s of sim time, stands still for 7 s"
+    assert status_words(view, is_record=False) == "waits for a tick"
+    assert time_words(view, is_record=True) == "12.3 s of sim time"
+    view.take(clock(12.4))
+    assert status_words(view, is_record=False) == "running"
+    view.take(clock(12.4, paused=True))
+    now_s += 60.0
+    assert time_words(view, is_record=False) == "12.4 s of sim time, 1.0 x real time"
+    assert status_words(view, is_record=False) == "paused"
+    view.take(clock(12.4))
+    now_s += 60.0
+    view.end()
+    assert time_words(view, is_record=False) == "12.4 s of sim time, 1.0 x real time"
+
+
 def test_who_handed_a_packet_on_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, 123.4, 0.25, 40, 30))

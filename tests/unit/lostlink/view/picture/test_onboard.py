@@ -253,3 +253,34 @@ async def test_only_what_is_asked_for_is_read_and_damage_is_told_once(flight: Pa
     assert node == "7"
     assert "not a stream file" in why
     onboards.close()
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        lambda ms: mavlink.MAVLink_system_time_message(0, ms),
+        lambda ms: mavlink.MAVLink_attitude_message(ms, 0, 0, 0, 0, 0, 0),
+    ],
+)
+def test_nothing_of_the_boot_before_is_shown_but_its_texts(tmp_path: Path, said: Any) -> None:
+    run = tmp_path / "rebooted"
+    link = Link(run)
+    beat = mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3)
+    link.says(1.0, beat, home(), text("EKF3 IMU0 is using GPS"), said(60_000))
+    link.says(1.0, mavlink.MAVLink_gps_raw_int_message(0, 3, 0, 0, 0, 0, 0, 0, 0, 9))
+    link.upload(2.0, 0, [(16, 0, 1, 1, 0), (22, 0, 0, 0, 20)])
+    link.upload(3.0, 1, [(5001, 3, 10, 0, 0), (5001, 3, 10, 20, 0), (5001, 3, 90, 0, 0)])
+    link.says(4.0, said(63_000), said(61_500))  # the second is late
+    link.says(5.0, beat, home(), text("ArduCopter"), said(900))
+    link.says(6.0, home(), said(1_900))
+    link.close()
+    log = OnboardLog(run, "1")
+    read(log)
+    before = log.at(round(4.5 * S))
+    assert (before.home is not None, len(before.items("fence") or ())) == (True, 3)
+    rebooted = log.at(round(5.5 * S))
+    assert (rebooted.home, rebooted.items("fence"), rebooted.items("mission")) == (None, None, None)
+    assert (rebooted.gps_fix, rebooted.satellites, rebooted.current) == (-1, 0, -1)
+    assert [each.text for each in rebooted.texts] == ["EKF3 IMU0 is using GPS", "ArduCopter"]
+    assert log.at(6 * S).home is not None  # the same again, and said by this boot
+    log.close()
