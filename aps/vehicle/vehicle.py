@@ -217,8 +217,11 @@ class Vehicle:
     def deadline_ns(self) -> int | None:
         """When ``on_time`` is due even if nothing happens."""
         commands_ns = self.commands.deadline_ns() if self.commands.busy else None
-        due = (self.streams.deadline_ns(), commands_ns, self._assembler.due_ns)
-        return min((due_ns for due_ns in due if due_ns is not None), default=None)
+        first_ns = self._assembler.due_ns
+        for due_ns in (self.streams.deadline_ns(), commands_ns):  # no generator: it is asked after each read
+            if due_ns is not None and (first_ns is None or due_ns < first_ns):
+                first_ns = due_ns
+        return first_ns
 
     def on_time(self, now_ns: int) -> None:
         """Do what is due: stream requests, texts whose end has not come, commands."""

@@ -54,12 +54,19 @@ class Offspring:
                 sleep(LOOK_S)
 
     def _left(self) -> list[psutil.Process]:
-        return [each for each in _running() if each not in self._before]
+        tracker = _tracker_pid()
+        return [each for each in _running() if each not in self._before and each.pid != tracker]
 
 
 def _running() -> list[psutil.Process]:
     """The descendants of this process, but for those that have ended and nobody has waited for."""
     return [each for each in psutil.Process().children(recursive=True) if _runs(each)]
+
+
+def _tracker_pid() -> int | None:
+    """Of what `multiprocessing` starts by itself: it ends with this process, and then removes what others have left."""
+    module = sys.modules.get("multiprocessing.resource_tracker")
+    return getattr(getattr(module, "_resource_tracker", None), "_pid", None)
 
 
 def _runs(process: psutil.Process) -> bool:

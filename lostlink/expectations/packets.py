@@ -108,9 +108,7 @@ class PacketFinder:
         return chosen
 
     def _between(self, interval_s: tuple[float, float] | None) -> Mask:
-        times_s = (
-            self._rows.columns["sim_time_ns"] / 1e9
-        )  # the float that a time of the scenario is: no product
+        times_s = self._rows.columns["sim_time_ns"] / 1e9  # the floats of the scenario: no product is
         if interval_s is None:
             return np.ones(len(times_s), dtype=np.bool_)
         return (times_s >= interval_s[0]) & (times_s <= interval_s[1])

@@ -133,10 +133,7 @@ class Progress:
     def _unread_told(self) -> Iterator[None]:
         try:
             yield
-        except (
-            BrokenPipeError,
-            SystemExit,
-        ):  # the second is of rich, whose console prints nothing from then on
+        except (BrokenPipeError, SystemExit):  # the second is rich's, which prints nothing from then on
             self._on_unread()
 
     def _speak_up(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from bridge.record.digests import file_digest
 from bridge.record.provenance import version_of
-from bridge.scenario.document.settings import Setting
+from bridge.scenario.document.settings import ALL_NODES, Setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
@@ -106,14 +106,16 @@ def laid_over(*layers: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_said_in(key: str, layer: Mapping[str, Any]) -> bool:
-    """Whether a layer has the key in the mapping that it gives one above it."""
-    above, _, below = key.rpartition(".")
-    while above:
-        if above in layer and _has(layer[above], below.split(".")):
-            return True
-        above, _, step = above.rpartition(".")
-        below = f"{step}.{below}"
-    return False
+    """Whether a layer has the key, of one node or of all, or has it in the mapping that it gives one above it."""
+    return any(_says(above.split("."), value, key.split(".")) for above, value in layer.items())
+
+
+def _says(above: Sequence[str], value: object, steps: Sequence[str]) -> bool:
+    return (
+        len(above) <= len(steps)
+        and all(ours in (step, ALL_NODES) for ours, step in zip(above, steps, strict=False))
+        and _has(value, steps[len(above) :])
+    )
 
 
 def _has(value: object, steps: Sequence[str]) -> bool:

@@ -137,9 +137,7 @@ class CommandProtocol:
         location = location_from(vehicle, request.lat_deg, request.lon_deg, request.alt_m, request.frame)
         is_here = request.lat_deg == request.lon_deg == 0.0
         is_as_high = request.frame in RELATIVE_FRAMES and abs(request.alt_m) < ALT_STEP_M
-        if (
-            is_here or is_as_high
-        ):  # places that ArduPilot replaces by its own (Location::sanitize), and denies here
+        if is_here or is_as_high:  # ArduPilot replaces these by its own (Location::sanitize), and denies
             return Result.DENIED
         if location is None or not (isinstance(vehicle.mode, Guided) or may_enter):
             return Result.DENIED

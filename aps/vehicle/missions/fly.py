@@ -121,10 +121,8 @@ def set_current(state: VehicleState, seq: int) -> CommandPlan:
         seq: number of the item, as the autopilot counts (ArduPilot: the first after home is 1, PX4: 0).
     """
     step = _current_step(state, seq)
-    goals = (
-        seq,
-        max(seq, first_seq(KINDS["mission"], state.autopilot)),
-    )  # ArduPilot takes home for the first item
+    # ArduPilot takes home for the first item.
+    goals = (seq, max(seq, first_seq(KINDS["mission"], state.autopilot)))
     return CommandPlan(
         "mission_set_current",
         (step,),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -26,8 +27,8 @@ NEEDED: Final = ",".join(
 """Zenoh is asked to log this; it prints a line for each login, none for a message."""
 DEFAULT: Final = "error"
 STDOUT = 1
-END: Final = "\x04\n"
-"""Ends the log that is read."""
+END: Final = "\x04"
+"""Begins the last line that is read; a number follows that is in no line of agents, whose prints come here, too."""
 NO_PASSWORD = "no_password"
 WRONG_PASSWORD = "wrong_password"
 UNKNOWN_USER = "unknown_user"
@@ -58,6 +59,7 @@ class LoginWatch:
     def __init__(self, on_refused: Callable[[str, int], object]) -> None:
         self._on_refused = on_refused
         self._refused: Counter[str] = Counter()
+        self._end = f"{END}{secrets.token_hex(8)}\n"
         self._thread = threading.Thread(target=self._read, name="login watch", daemon=True)
 
     def __enter__(self) -> Self:
@@ -71,9 +73,8 @@ class LoginWatch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.write(
-            STDOUT, END.encode()
-        )  # processes that an agent has started may have the pipe's other end, too
+        # Processes that an agent has started may have the pipe's other end, too.
+        os.write(STDOUT, self._end.encode())
         os.dup2(self._stdout, STDOUT)
         self._thread.join()
         self._pipe.close()
@@ -81,7 +82,7 @@ class LoginWatch:
 
     def _read(self) -> None:
         for coloured in self._pipe:
-            text, end, _ = coloured.partition(END)
+            text, end, _ = coloured.partition(self._end)
             self._take(_COLOUR.sub("", text))
             if end:
                 return

@@ -71,7 +71,8 @@ class RadioSource:
 
     def _in_ticks(self, columns: Columns) -> Columns:
         """With a tick for each row, and rows for everybody once for each receiver."""
-        ticks_ns = columns["received_ns"] - self._tick_ns
+        # What was under way when a run ended in its first tick has no tick before.
+        ticks_ns = np.maximum(columns["received_ns"] - self._tick_ns, 0)
         figures = {name: rounded(name, columns[name]) for name in FIGURES}
         return for_each_receiver(columns | figures | {"tick_ns": ticks_ns}, len(self._nodes))
 

@@ -63,3 +63,23 @@ def test_what_agents_start_is_ended_and_told(tmp_path: Path, way: str) -> None:
     assert event.kind == PROCESS_LEFT
     assert event.text.startswith("a process that an agent had started was ended with the run: ")
     assert event.text.endswith(f" (pid {pid})")
+
+
+def test_what_multiprocessing_starts_by_itself_is_left_to_it(tmp_path: Path) -> None:
+    """Killed, it would leave shared memory behind."""
+    way = "(lambda tracker: (tracker.ensure_running(), tracker._pid)[1])(resource_tracker._resource_tracker)"
+    script = "from multiprocessing import resource_tracker\n" + SCRIPT.replace("{way}", way)
+    script = script.replace(
+        "print(json.dumps(pids))", "print(json.dumps([*pids, os.waitpid(pids[1], os.WNOHANG)[0]]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", "import os\n" + script, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=True,
+    )
+    _, pid, ended = json.loads(done.stdout)
+    assert pid
+    assert not ended
+    assert read_reports(tmp_path).events == ()

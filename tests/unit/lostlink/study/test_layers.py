@@ -36,3 +36,16 @@ def test_what_a_later_whole_says_holds() -> None:
 
 def test_the_last_layer_with_a_key_holds() -> None:
     assert laid_over({"seed": 1, "a.b": 1}, {"a.b": 2}, {"a.b": 3}) == {"seed": 1, "a.b": 3}
+
+
+def test_what_a_later_layer_says_of_all_nodes_holds_for_each() -> None:
+    of_one = {"nodes.1.home.alt_m": 2, "nodes.1.home.north_m": 7}
+    laid = laid_over({"nodes.*.home.alt_m": 1}, of_one, {"nodes.*.home.alt_m": 3})
+    assert laid == {"nodes.1.home.north_m": 7, "nodes.*.home.alt_m": 3}
+    whole = {"nodes.*.agent": {"options": {"speed_mps": 5}}}
+    earlier = {"nodes.1.agent.options.speed_mps": 9, "nodes.1.agent.options.legs": 2}
+    assert laid_over(earlier, whole) == {**whole, "nodes.1.agent.options.legs": 2}
+    assert list(laid_over({"nodes.*.radio": "a"}, {"nodes.1.radio": "b"})) == [
+        "nodes.*.radio",
+        "nodes.1.radio",
+    ]

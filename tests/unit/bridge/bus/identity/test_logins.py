@@ -42,6 +42,7 @@ def test_reasons(text: str, reason: str | None) -> None:
 def test_log_of_a_process_is_read_and_passed_on() -> None:
     lines = [
         f"{PREFIX}\x1b[1mInvalid password\x1b[0m",
+        "\x04",  # of an agent: nobody would read what follows, and the process would stand at its next 64 KiB
         "2026 ERROR zenoh: something else",
         f"{PREFIX}New transport link accepted",
         f"{PREFIX}Invalid password",
@@ -51,6 +52,7 @@ def test_log_of_a_process_is_read_and_passed_on() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=True
     )
     assert done.stdout.splitlines() == [
+        "\x04",
         "2026 ERROR zenoh: something else",
         "[('wrong_password', 1), ('wrong_password', 2)]",
     ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from bridge.record.tables.deliveries import DELIVERIES
@@ -79,3 +81,15 @@ def test_a_rate_that_is_next_to_none_leaves_the_first_message(tmp_path: Path) ->
     run = flown(tmp_path / "run", scenario_of("perfect", NODES), 30)
     counts = write_mcap(run, tmp_path / "run.mcap", McapSettings(rates_hz={"truth": 1e-12, "packets": 1e-12}))
     assert (counts["/ua_0/truth"], counts["/ua_0/packets"]) == (1, 1)
+
+
+def test_what_was_under_way_when_a_run_ended_in_its_first_tick_is_there(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 1)
+    path = run / "deliveries.parquet"
+    rows = pq.read_table(path)
+    place = rows.schema.get_field_index("received_ns")
+    pq.write_table(rows.set_column(place, "received_ns", pa.array(np.zeros(len(rows), np.int64))), path)
+    write_mcap(run, tmp_path / "run.mcap", McapSettings())
+    read = read_mcap(tmp_path / "run.mcap")
+    assert read.times_ns["/fates"] == read.times_ns["/links"] == [0]
+    assert sum(read.messages["/links"][0].sent) == len(rows)
