@@ -79,7 +79,7 @@ class PacketFinder:
         """
         begin_s, until_s = wanted.between_s or (0.0, end_s)
         until_s = min(until_s, end_s)
-        if until_s < begin_s:
+        if until_s < begin_s or not end_s:  # a run that ended before its first tick has no instant
             return None
         senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
         ages = [self._greatest_age_s(tx, wanted.node, begin_s, until_s) for tx in senders if tx is not None]
