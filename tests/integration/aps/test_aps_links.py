@@ -403,6 +403,7 @@ async def test_state_is_stale_while_the_autopilot_is_away(autopilot, eventually)
         assert daemon.statistics()["autopilot_links"] == []
 
 
+@pytest.mark.slow
 async def test_what_was_signed_counts_once_whatever_way_it_comes(
     autopilot, make_udp_peer, eventually, tmp_path
 ):

@@ -39,6 +39,7 @@ def test_frames_go_on_where_nobody_answers_and_how_many_is_no_matter_of_wall_tim
     assert [fields[3] for fields in flight.driven[:11]] == [1000] * 8 + [1010, 1020, 1030]
 
 
+@pytest.mark.slow
 def test_a_px4_that_is_killed_is_let_go_and_its_neighbour_flies_on():
     def at_tick(sim_s):
         if sim_s == 0.1:
@@ -78,6 +79,7 @@ def test_a_px4_that_is_stopped_for_a_while_is_let_go_and_taken_back(shows_rest, 
     assert flight.ticks[-1].stalled_ua == ()
 
 
+@pytest.mark.slow
 def test_a_px4_that_connects_anew_boots_anew():
     def at_tick(sim_s):
         if sim_s == 0.1:
@@ -123,6 +125,7 @@ def test_a_frame_waits_for_a_thread_that_naps_while_px4_boots():
     assert [fields[3] for fields in flight.driven[:8]] == [1000] * 6 + [1010, 1020]
 
 
+@pytest.mark.slow
 def test_its_mavlink_is_woken_in_each_frame():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mavlink:
         mavlink.bind(("127.0.0.1", 0))
@@ -225,6 +228,7 @@ def test_frames_of_real_time_threads_are_those_that_looks_give(killed_at_s, monk
     assert wakes >= 240
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not may_run_in_order(), reason="no real-time threads for this user")
 def test_a_px4_that_waits_for_its_next_frame_is_woken_anew_before_it():
     """At a fifth of real time a frame comes every 20 ms; its MAVLink threads would wake by themselves after 10."""

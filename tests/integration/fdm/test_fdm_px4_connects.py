@@ -77,6 +77,7 @@ def test_a_connection_that_ends_in_the_turn_in_which_another_one_comes_ends_noth
     assert [event.kind for event in flight.events] == [EventKind.JOINED, EventKind.RESTARTED]
 
 
+@pytest.mark.slow
 def test_one_that_never_stops_writing_holds_nobody():
     """It writes frames of eight bytes, faster than anybody can take them apart."""
     flight = Flight([spec(0), spec(1)], until_s=math.inf)
@@ -138,6 +139,7 @@ def test_a_second_px4_is_not_served_and_keeps_its_connection_as_it_would_spin_wi
     assert [event.kind for event in flight.events] == [EventKind.JOINED]
 
 
+@pytest.mark.slow
 def test_what_is_no_px4_and_says_nothing_gives_way_to_px4():
     flight = Flight([spec()], until_s=math.inf)
 
@@ -162,6 +164,7 @@ def test_only_a_px4_is_placed_and_watched_and_never_ourselves(monkeypatch):
     assert not placed
 
 
+@pytest.mark.slow
 def test_px4_behind_a_relay_is_waited_for_though_the_relay_sleeps():
     flight = Flight([spec()], until_s=2.0)
     command = [sys.executable, "-c", RELAY, str(flight.exchange.ports[0])]

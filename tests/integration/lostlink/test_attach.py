@@ -381,6 +381,7 @@ def test_without_the_right_to_namespaces_there_is_a_word(attach: Attach) -> None
     assert "run it as root, or let users make namespaces" in said
 
 
+@pytest.mark.slow
 @needs_namespace
 @pytest.mark.skipif(shutil.which("setpriv") is None or os.geteuid() != 0, reason="root has rights to lose")
 def test_a_user_namespace_does_where_root_has_no_right(attach: Attach) -> None:

@@ -64,6 +64,7 @@ def braking_way_m(speed_mps: float) -> dict[int, float]:
     return {second: north_m[heard + second * RATE_HZ] - north_m[heard] for second in REAL_M[speed_mps]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed_mps", REAL_M)
 def test_it_brakes_as_arducopter(speed_mps: float) -> None:
     assert braking_way_m(speed_mps) == pytest.approx(REAL_M[speed_mps], abs=0.3)

@@ -140,7 +140,7 @@ def test_an_autopilot_that_dies_is_named_while_the_run_waits(
     run = start_run(scenario=scenario, processes=processes, speed="1")
     run.wait_for("waits for the autopilots")
     autopilots = start_autopilots(run.slot)
-    run.wait_for("sim time")
+    run.wait_for("UA 1 takes off")
     autopilots[1].kill()
     run.wait_for("warning: UA 1: its autopilot does not answer")
     assert b"warning: UA 0" not in run.output

@@ -49,6 +49,7 @@ class Flown(threading.Thread):
         self.summary = self.flight.fly(takes_signals=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["one", "task", pytest.param("many", marks=pytest.mark.slow)])
 def test_a_run_that_is_ended_while_it_waits_has_no_tick(
     how: How, tmp_path: Path, free_slot: Callable[[int], int]

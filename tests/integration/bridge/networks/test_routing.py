@@ -288,6 +288,7 @@ def test_fates_do_not_depend_on_ticks(flown: Fly, routing: dict[str, Any]) -> No
         pd.testing.assert_frame_equal(first, fates(scripted(flown, routing, tick_rate_hz=rate_hz)))
 
 
+@pytest.mark.slow
 @each_way
 def test_decided_anew_the_same_radio_gives_the_same_routes(
     flown: Fly, routing: dict[str, Any], tmp_path: Path

@@ -89,6 +89,7 @@ def test_what_a_radio_that_is_off_sends_or_should_get_by_802_11_is_lost_to_that(
 SIK, ELRS = {"model": "sik", "air_kbps": 64}, {"model": "elrs", "mode": "lora-333-full"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "medium",
     [
@@ -104,6 +105,7 @@ def test_what_a_radio_that_is_off_is_given_never_leaves_it(flown: Flown, medium:
     never_leaves(flown, medium, {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("medium", [SIK, ELRS], ids=lambda medium: medium["model"])
 def test_nor_does_it_leave_it_where_modems_look_on(flown: Flown, medium: dict[str, Any]) -> None:
     never_leaves(flown, medium, {"modems": {"main": {"serve": ["pty"]}}})

@@ -25,6 +25,7 @@ SHADOWED = RADIO | {
 NODES = [node(0, 0.0), node(1, WAY_M, sends=[(0.5 + 0.05 * k, "all", 100) for k in range(200)])]
 
 
+@pytest.mark.slow
 def test_what_is_too_weak_for_its_receiver_has_a_cause_of_its_own(flown: Flown) -> None:
     run = flown(NODES, NAMED, radio=SHADOWED, duration_s=12.0)
     found = rows(run, "g1", "0")

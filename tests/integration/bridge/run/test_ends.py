@@ -36,14 +36,13 @@ slow = partial(pytest.param, marks=pytest.mark.slow)
 both = pytest.mark.parametrize("processes", ["one", "many"])
 
 
-IN_SHORT = {
-    (0.05, signal.SIGINT, "one"),
+IN_SHORT = {(0.05, signal.SIGINT, "one"), (0.5, signal.SIGTERM, "one"), (1.0, signal.SIGINT, "many")}
+IN_CI = {
     (0.3, signal.SIGTERM, "one"),
     (0.5, signal.SIGINT, "one"),
     (1.0, signal.SIGTERM, "one"),
     (2.0, signal.SIGINT, "one"),
     (0.3, signal.SIGINT, "many"),
-    (1.0, signal.SIGINT, "many"),
     (2.0, signal.SIGTERM, "many"),
 }
 """Of the moments at which a signal comes: each at least once, each signal and way to run at several."""
@@ -53,7 +52,7 @@ def moments() -> Iterator[object]:
     """After how long, s, which signal comes to which kind of run."""
     numbers, kinds = (signal.SIGINT, signal.SIGTERM), ("one", "many")
     for case in product((0.05, 0.3, 0.5, 1.0, 2.0, 5.0, 20.0), numbers, kinds):
-        is_slow = case[:2] == (5.0, signal.SIGINT)
+        is_slow = case in IN_CI or case[:2] == (5.0, signal.SIGINT)
         mark = [] if case in IN_SHORT else [pytest.mark.slow] if is_slow else [pytest.mark.long]
         yield pytest.param(*case, marks=mark)
 
@@ -440,6 +439,7 @@ if {{"run", "bridge.physics.process", "standin"}} & set(sys.orig_argv):
 """In a `sitecustomize.py`, which every Python process that finds it imports at its start."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("processes", "fault", "error"),
     [

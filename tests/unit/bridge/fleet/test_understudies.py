@@ -27,6 +27,7 @@ print(understudies_of(read_scenario("separation")))
 """
 
 
+@pytest.mark.slow
 def test_each_process_of_ours_is_forked_from_the_command_unless_that_has_gdal(tmp_path: Path) -> None:
     done = run(tmp_path, CODE)
     assert done.stdout.splitlines() == ["fleet True", "router physics host-0 host-of-1 True", "{}"], (

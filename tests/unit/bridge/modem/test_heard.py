@@ -69,6 +69,7 @@ def test_who_looks_on_at_a_world_is_all_that_the_world_is() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_link_quality_is_that_of_ones_own_link() -> None:
     """Nothing is lost: each end has heard all that its peer sent, though there is another link."""
     for node, meter in measured("elrs-900-200", 4, {"model": "elrs"}).items():

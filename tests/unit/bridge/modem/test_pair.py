@@ -108,6 +108,7 @@ def test_the_buffer_to_the_host_is_cut() -> None:
     assert [each.at_ns for each in modem.outputs(3 * S)] == [2 * S + 10 * S // 57_600]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [40, 100, 263])
 def test_a_stream_loses_the_frames_that_its_lost_packets_have_a_part_of(length: int) -> None:
     world = RecordingWorld(loss=0.2, seed=3)
@@ -133,6 +134,7 @@ def test_a_stream_loses_the_frames_that_its_lost_packets_have_a_part_of(length: 
     assert 1.0 - len(whole) / count > 0.2, "frames that are cut are lost more often than packets"
 
 
+@pytest.mark.slow
 def test_framed_packets_lose_whole_frames_at_the_rate_of_packets() -> None:
     world = RecordingWorld(loss=0.2, seed=3)
     pair = sik_pair(world)

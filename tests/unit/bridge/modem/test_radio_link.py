@@ -25,6 +25,7 @@ def link_of(radio: str, distance_m: float = 20.0, **values: Any) -> RadioLink:
     return RadioLink(LinkPlan((one, one), apart(distance_m, (2.0, 30.0))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radio", ["sik-433", "elrs-900-200"])
 def test_a_link_keeps_no_frame_of_the_past(radio: str) -> None:
     link = link_of(radio)
@@ -36,6 +37,7 @@ def test_a_link_keeps_no_frame_of_the_past(radio: str) -> None:
     assert not list(world._world.first_transmissions())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radio", ["elrs-900-200", pytest.param("elrs-2.4-333full", marks=pytest.mark.long)])
 def test_link_quality_of_a_link_without_losses_is_whole(radio: str) -> None:
     """The firmware tells 100 % as 254; a frame that is still on the air is no loss."""

@@ -50,6 +50,7 @@ def test_a_flight_that_raises_is_over(run: RunDirectory) -> None:
     assert not run.is_live
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_over_whoever_has_its_number_now(run: RunDirectory) -> None:
     process = subprocess.Popen([sys.executable, "-c", GOES_ON, run.path], stdout=subprocess.PIPE)
     with process:

@@ -173,6 +173,7 @@ def test_a_queue_that_is_full_loses_what_is_too_much() -> None:
     assert [reply.packet for reply in outcomes if isinstance(reply, Reply)] == [fate.packet for fate in lost]
 
 
+@pytest.mark.slow
 def test_neither_bystanders_nor_the_length_of_a_run_matter() -> None:
     """What three nodes send to each other fares the same to the ns with seven others that send much."""
     settings = DelaySettings(LTE, rate_bps=1e6, good_s=1.0, bad_s=0.2)

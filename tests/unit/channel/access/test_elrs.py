@@ -122,6 +122,7 @@ def duration_s(mode: ElrsMode) -> int:
     return 15 if mode.interval_us < 5000 else 120 if mode.interval_us < 20_000 else 400
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ELRS_MODES)
 def test_a_stream_down_is_as_fast_as_by_the_firmwares_own_code(name: str) -> None:
     """Below the figure for the room by the 2 bytes before a chunk, the rest of its last fragment, and sync.

@@ -61,6 +61,7 @@ def test_every_setting_is_recorded() -> None:
     assert RECORDED.keys() == SETTINGS.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_settings_in_short(name: str) -> None:
     hold(name, QUICK_SEEDS)

@@ -69,6 +69,7 @@ def all_rows() -> list[object]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "rate_mbps", "stations"), all_rows())
 def test_saturated_unicast_has_bianchis_throughput(kind: str, rate_mbps: float, stations: int) -> None:
     """Within 2 %, with EIFS after collisions and without; 6000 frames, a standard deviation of about 0.4 %."""
@@ -154,6 +155,7 @@ def test_many_that_do_not_listen_are_aloha(load: float) -> None:
     assert throughput == pytest.approx(load * exp(-2.0 * load), rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [long(0.05), 0.2])
 def test_two_that_are_hidden_from_each_other(load: float) -> None:
     """Equal frames of two Poisson senders that listen, but are deaf to each other; four standard deviations at 0.2.

@@ -75,7 +75,12 @@ def offer(medium: AccessMedium, rate_hz: float, unicasts: bool) -> None:
 
 @pytest.mark.parametrize(
     ("rate_hz", "unicasts"),
-    [(10, False), (10, True), pytest.param(60, False, marks=pytest.mark.long), (60, True)],
+    [
+        (10, False),
+        (10, True),
+        pytest.param(60, False, marks=pytest.mark.long),
+        pytest.param(60, True, marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize("world", [near, at_once, hidden, far])
 @pytest.mark.parametrize("name", ["csma", "no cca", "airtime", "tdma"])

@@ -288,6 +288,7 @@ def test_it_talks_to_its_peer_alone() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("channels", "share"), [(50, 0.02), pytest.param(10, 0.10, marks=pytest.mark.long)])
 def test_pairs_disturb_each_other_where_they_meet(channels: int, share: float) -> None:
     """Two networks hop in orders of their own: one half round in so many they are on one channel."""

@@ -168,6 +168,7 @@ def test_three_that_are_switched_on_find_each_other() -> None:
         assert all(medium.is_locked(node) for node in range(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("locked", [True, False])
 def test_the_ledger_balances_however_it_is_run(locked: bool) -> None:
     rng = np.random.default_rng(1)

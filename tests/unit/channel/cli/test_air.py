@@ -54,6 +54,7 @@ def test_headers_of_the_layers_above_are_on_the_air() -> None:
     assert load["delay_median_s"] == pytest.approx((28 + 554) / 1e6)
 
 
+@pytest.mark.slow
 def test_a_network_of_delays() -> None:
     """95 % come within what is asked for, and the outage of two ends is 1 - (4/5)^2 on average."""
     (load,) = results(
@@ -125,6 +126,7 @@ def test_a_node_without_a_peer_carries_nothing() -> None:
     assert load["delivered_bps"] == pytest.approx(1000 * 2 / 3, rel=0.25)
 
 
+@pytest.mark.slow
 def test_table_and_plot(tmp_path: Path) -> None:
     """What a person reads."""
     file = tmp_path / "air.png"

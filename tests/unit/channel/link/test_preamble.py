@@ -149,6 +149,7 @@ def test_a_medium_says_which_packets_were_too_weak() -> None:
     assert {each.fate for each in settled(mixed)} == {Fate.DELIVERED}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fading", ["none", "rayleigh"])
 def test_a_level_for_each_link_needs_few_curves_and_is_near_the_quadrature(fading: str) -> None:
     """Interference is another at each link and instant: a curve for each level would take seconds per tick."""

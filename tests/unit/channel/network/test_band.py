@@ -211,6 +211,7 @@ def test_networks_apart_in_frequency_are_as_if_alone() -> None:
     assert [world.beside for world in worlds] == [None, None]
 
 
+@pytest.mark.slow
 def test_noise_is_added_piece_by_piece() -> None:
     """Non-coherent FSK: a foreign frame over the second half of each frame, so strong that half of them are lost."""
     bits, count = 800, 300
@@ -307,6 +308,7 @@ LOADED: dict[str, tuple[Any, dict[str, float]]] = {
 }
 
 
+@pytest.mark.slow
 def test_neither_ticks_nor_bystanders_change_what_networks_do_to_each_other() -> None:
     sent = busy(1, ("1", "2", "5"), ("3", "4", "5"))
     found = Run(LOADED).fates(sent, S)

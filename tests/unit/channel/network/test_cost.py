@@ -1,5 +1,7 @@
 """What a medium that takes time costs, as a ratio within one process: it hangs on no machine."""
 
+import pytest
+
 from benchmarks.bench_media import Fleet
 
 NODES = 50
@@ -8,6 +10,7 @@ MOST = 11.0
 """Measured: 4 to 5; with events at each receiver and one pass of numpy for each frame it was 13 to 17."""
 
 
+@pytest.mark.slow
 def test_csma_costs_a_few_times_what_the_same_receptions_cost_without_time() -> None:
     """CPU time of fifty nodes at 10 Hz over that of settling their packets a tick at a time, the best of rounds."""
     fleets = [Fleet(NODES), Fleet(NODES, is_ideal=True)]

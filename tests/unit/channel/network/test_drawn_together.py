@@ -121,6 +121,7 @@ def _columns(r: Receptions) -> list[np.ndarray[Any, Any]]:
     return [*r.packets, r.packet, r.rx, *drawn]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ring_m", [100.0, pytest.param(1500.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("radios", RADIOS)
 def test_together_or_one_by_one(radios: str, ring_m: float) -> None:

@@ -30,6 +30,7 @@ MEDIA: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MEDIA)
 @pytest.mark.parametrize("group", GROUPS)
 def test_a_packet_to_a_group_has_a_fate_at_each_other_member(model: str, group: str) -> None:

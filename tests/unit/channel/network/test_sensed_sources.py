@@ -117,6 +117,7 @@ def slots_on(run: Run, slot_ns: int, until_ns: int) -> list[tuple[int, int]]:
     return [(at_ns, at_ns + slot_ns) for at_ns in slots if world.noise_mw(1, at_ns) > 2.0 * mw(NOISE_DBM)]
 
 
+@pytest.mark.slow
 def test_a_station_transmits_between_the_pulses_of_an_interferer() -> None:
     """Each packet is on the air DIFS after it entered, or DIFS and a back-off after a pulse that it met."""
     slot_ns = 3 * MS

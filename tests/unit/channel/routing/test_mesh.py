@@ -120,6 +120,7 @@ def test_messages_are_ethernet_frames_without_headers_of_ip_and_packets_have_the
     assert (fate.loss, fate.ended_ns - fate.started_ns) == (None, (20 + 4 * 64 + 6) * 1000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))])
 def test_ten_nodes_find_a_way_around_a_lost_relay_when_the_constants_say(seed: int) -> None:
     """A ring of ten; 0 sends to 3 over 1 and 2, and node 1 falls silent: seven hops the other way are left.

@@ -124,6 +124,7 @@ def test_turbulence_leaves_a_hovering_uas_mean_wind_as_it_is(speed_mps):
     assert means == pytest.approx((speed_mps, 0.0, 0.0), abs=2.5 * error)
 
 
+@pytest.mark.slow
 def test_turbulence_has_its_variance_in_still_air():
     seconds, seeds = 20000.0, 6
     along, _ = lengths_m(20.0)

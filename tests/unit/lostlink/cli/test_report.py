@@ -31,6 +31,7 @@ def test_a_page_is_in_the_run_and_it_is_not_silent_for_long(made: Path, monkeypa
     assert "report: draws map" in done.stderr
 
 
+@pytest.mark.slow
 def test_json_alone_or_with_a_page_where_it_is_wanted(made: Path, tmp_path: Path):
     done = run(made, "--json")
     content = json.loads(done.stdout)

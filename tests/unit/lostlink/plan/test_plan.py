@@ -286,6 +286,7 @@ def test_a_package_that_fits_no_slot_with_the_header_of_its_routing_is_warned_of
     }
 
 
+@pytest.mark.slow
 def test_a_mesh_whose_messages_fit_no_slot_is_warned_of() -> None:
     """Slots for data packages alone take no message of priority 7, and 1 ms has no room for 24 bytes."""
     slots = ", ".join(f"{{nodes: {node}, duration_s: 0.1, priority: 0}}" for node in (0, 1))
@@ -483,6 +484,7 @@ def test_networks_modems_and_who_disturbs_whom() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
     assert on_medium("model=csma", more=["transmit.every_ticks=20"])["warnings"] == [
         "radio of network main: frames last as long as at 6 Mb/s (medium.rate_mbps), and have the errors of 0.064 Mb/s "
@@ -541,6 +543,7 @@ def held(propagation: str) -> list[str]:
     return [line for line in warnings if "never pause are a carrier" in line]
 
 
+@pytest.mark.slow
 def test_nodes_that_an_emitter_holds_back_are_told_with_what_they_take_in() -> None:
     """Free space: 60 dBm over 978.7 m and 706.9 m at 2.437 GHz, antennas and cable as of the preset, and no filter."""
     (line,) = held("{model: free-space}")
@@ -563,6 +566,7 @@ def test_a_node_without_a_slot_is_told_before_it_transmits(slots: str) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("carrier", "heard"), [("2.437e9", True), ("2.446e9", True), ("5.8e9", False)])
 def test_an_emitter_that_nothing_hears_is_warned_of(carrier: str, heard: bool) -> None:
     text = JAMMED.replace("PROPAGATION", "{model: free-space}").replace("2.437e9", carrier)
@@ -573,6 +577,7 @@ def test_an_emitter_that_nothing_hears_is_warned_of(carrier: str, heard: bool) -
     assert told == ([] if heard else [wanted])
 
 
+@pytest.mark.slow
 def test_an_emitter_that_a_sensor_hears_is_not_warned_of() -> None:
     sensor = "sensor: {radio: wifi-2.4, band_hz: [5.7e9, 5.9e9]}, agent: {type: still}}"
     text = JAMMED.replace("PROPAGATION", "{model: free-space}").replace("2.437e9", "5.8e9")
@@ -580,6 +585,7 @@ def test_an_emitter_that_a_sensor_hears_is_not_warned_of() -> None:
     assert not [line for line in plan_of(parse_scenario(text, "jammed.yaml")).warnings if "jammer" in line]
 
 
+@pytest.mark.slow
 def test_sensors_that_measure_no_emitter_are_warned_of() -> None:
     """MHz for Hz, say: beside the one of the mast, which hears it, two never would report anything."""
     told = {"0": "{band_hz: [2400, 2500]}", "mast": "{radio: wifi-2.4}"}

@@ -228,6 +228,7 @@ def delays_of(run: Path) -> dict[tuple[str, str], float]:
     return means
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mtu_bytes", [250, 280], ids=["other rows", "the same rows"])
 def test_another_radio_beside_a_second_network_is_as_a_run_with_it(mtu_bytes: int, tmp_path: Path) -> None:
     def send(number: int) -> list[Sent]:

@@ -50,6 +50,7 @@ def frame_s(rate_bps: float) -> float:
     return 0.001 + 8 * 112 / rate_bps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("medium", MEDIA)
 @pytest.mark.parametrize("rates_bps", [(64e3, 6.4e3), (6.4e3, 64e3)])
 def test_each_nodes_frames_last_at_its_own_rate(

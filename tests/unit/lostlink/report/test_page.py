@@ -205,6 +205,7 @@ def test_packets_of_a_killed_run_that_share_what_is_drawn_have_no_intervals(
     assert ("no intervals" in told_of_delivery(made)) is are_shared
 
 
+@pytest.mark.slow
 def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:
     """20 times a second node 0 gives 40 bytes to `main`; 0 and 1 give 500 each to `mesh`, where gcs is not."""
     scenario = scenario_of(
@@ -261,6 +262,7 @@ def test_a_run_that_ended_at_once_has_a_page_whose_routing_is_of_no_time(tmp_pat
     assert re.search(r"both on the air</th><td[^>]*>[\d.]+ s</td>", text)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_names_that_are_long_are_shortened_in_pictures(tmp_path: Path) -> None:
     """Whole ones pushed the axes out of the picture, or were cut off at its edge."""

@@ -35,6 +35,7 @@ def test_a_scripted_exchange_loses_the_same_frames_each_time(modem_link: ModemLi
     assert first[0] == sorted(first[0])
 
 
+@pytest.mark.slow
 def test_nothing_comes_over_a_distance_that_is_too_far(modem_link: ModemLinks) -> None:
     link = modem_link("sik-433", distances=[(0.0, 200.0), (5.0, 200.0), (6.0, 500e3), (60.0, 500e3)])
     down, _ = exchange(link, 12.0)
@@ -45,6 +46,7 @@ def test_nothing_comes_over_a_distance_that_is_too_far(modem_link: ModemLinks) -
     assert (told[3].remrssi > 0, told[-1].remrssi, told[-1].txbuf) == (True, 0, 100)
 
 
+@pytest.mark.slow
 def test_distances_of_a_file(modem_link: ModemLinks, tmp_path: Path) -> None:
     file = tmp_path / "away.csv"
     file.write_text("time_s,distance_m\n0,200\n5,200\n6,500000\n")

@@ -217,6 +217,7 @@ def test_a_packet_of_the_very_begin_is_inside_and_of_the_end_outside():
         assert found.tolist() == [begin * 50_000_000]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radio", "lost"), [("telemetry-915", "queue_full"), ("wifi-2.4", "too_long"), ("wifi-2.4", "transport")]
 )

@@ -232,6 +232,7 @@ def test_environment_of_a_run() -> None:
     assert not has_environment({**environment_of({}), "OPENBLAS_NUM_THREADS": "2"})
 
 
+@pytest.mark.slow
 def test_its_log_says_at_the_end_how_many_lines_were_left_out(tmp_path: Path) -> None:
     done = run(
         tmp_path,

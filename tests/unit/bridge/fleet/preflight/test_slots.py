@@ -98,6 +98,7 @@ def test_real_autopilots_keep_to_instances_that_they_take(
         pass
 
 
+@pytest.mark.slow
 def test_another_users_run_is_seen_until_it_ends_also_if_it_is_killed(tmp_path: Path) -> None:
     command = [sys.executable, "-c", HOLDER, slots.NAME, scenario_of(3).to_yaml()]
     with subprocess.Popen(

@@ -1,6 +1,7 @@
 """Packets of a mesh follow each other in tens of milliseconds: how shadowing changes over centimetres is not judged."""
 
 import numpy as np
+import pytest
 
 from channel import presets
 from channel.link.radio import Radio
@@ -31,6 +32,7 @@ def checks(seed):
     return {each.name: each for each in (*verdict.checks, *verdict.unjudged)}[FROM_PACKET_TO_PACKET.name]
 
 
+@pytest.mark.slow
 def test_a_right_run_is_not_called_wrong():
     alarms = [seed for seed in range(12) if not getattr(checks(seed), "passed", True)]
     assert not alarms

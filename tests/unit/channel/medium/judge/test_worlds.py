@@ -42,6 +42,7 @@ def test_changes_that_swing_together_raise_no_alarm():
     assert sum(chance > 0.5 for chance in found) >= 15  # nor is everything let through
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -113,6 +113,7 @@ def test_it_is_at_rest_when_its_real_time_threads_have_ended_what_they_do(core, 
     assert rests_at_ns(core, which)
 
 
+@pytest.mark.slow
 def test_it_is_woken_at_rest_and_rests_again(core, start):
     """The wake has it work anew."""
     program = start()
@@ -125,6 +126,7 @@ def test_it_is_woken_at_rest_and_rests_again(core, start):
     assert first_ns + WORKS_S * 1e9 <= program.ended_ns() < rested_ns
 
 
+@pytest.mark.slow
 def test_who_is_asked_about_beside_one_that_works_waits_for_it(core, start):
     first, second = start(), start()
     places = [core.join(program.pid, ()) for program in (first, second)]

@@ -45,6 +45,7 @@ def test_links_and_who_was_heard_are_those_of_the_run(tmp_path: Path, killed: bo
     assert sum(len(fates.seq) for fates in read.messages["/fates"]) == 40 * 5 + 8 * 2
 
 
+@pytest.mark.slow
 def test_on_a_medium_that_takes_time_links_are_those_of_the_run_in_every_window(tmp_path: Path) -> None:
     """Slots of half a second: packets that wait for one arrive behind others stamped later, also across 5 s windows."""
     radio = "{preset: perfect, bit_rate_bps: 1000000, medium: {model: tdma, slot_s: 0.5, guard_s: 0.01}}"
@@ -65,6 +66,7 @@ def test_on_a_medium_that_takes_time_links_are_those_of_the_run_in_every_window(
     assert sent == np.cumsum(np.unique(rows["received_ns"], return_counts=True)[1]).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ticks", [3, 41, 100, 108])
 def test_the_last_links_have_the_counts_of_the_whole_run(tmp_path: Path, ticks: int) -> None:
     """At whatever rate, and whether a window of 5 s has just begun."""

@@ -89,6 +89,7 @@ def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
     assert [series["name"] for series in options["series"]] == ["measured", "model"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
 )

@@ -96,6 +96,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("runs") / "made", scenario, 210, everybody(("0", "gcs", "1"), 90))
 
 
+@pytest.mark.slow
 def test_a_record_shows_what_its_table_has(run: Path) -> None:
     view = view_of(scenario_of("telemetry-915", ("0", "gcs", "1")))
     source = RecordSource(Player.open(run), view, lambda: 0.0)
