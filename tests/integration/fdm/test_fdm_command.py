@@ -24,6 +24,11 @@ def command(*arguments):
     return [sys.executable, "-m", "fdm", "--home", "47,8,400,0", *arguments]
 
 
+def run_here(*arguments):
+    """In this process: what is asked for is refused before anything begins."""
+    return CliRunner().invoke(main, ["--home", "47,8,400,0", *arguments])
+
+
 def test_the_command_serves_until_it_is_ended():
     process = subprocess.Popen(
         command("--port", "0", "--speed", "max"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -51,17 +56,14 @@ def test_the_command_explains_a_port_in_use():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        done = subprocess.run(command("--port", str(port)), capture_output=True, text=True, timeout=WAIT_S)
-    assert done.returncode == 2
+        done = run_here("--port", str(port))
+    assert done.exit_code == 2
     assert f"UDP port {port}" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_the_help_says_how_to_start_ardupilot():
-    done = subprocess.run(
-        [sys.executable, "-m", "fdm", "--help"], capture_output=True, text=True, timeout=WAIT_S
-    )
-    assert done.returncode == 0
+    done = run_here("--help")
+    assert done.exit_code == 0
     assert "arducopter --model JSON:127.0.0.1 -I3" in done.stdout
 
 
@@ -103,7 +105,7 @@ def test_the_command_hosts_several_ua_with_sensor_errors(workers, tmp_path):
 
 @pytest.mark.parametrize("speed", ["0", "nan", "fast", "1e300", "5e-324"])
 def test_an_impossible_speed_is_refused(speed):
-    done = CliRunner().invoke(main, ["--home", "47,8,400,0", "--speed", speed])
+    done = run_here("--speed", speed)
     assert done.exit_code == 2
     assert f"'{speed}' is neither a real-time factor nor max: " in done.output
 
@@ -148,16 +150,14 @@ def test_the_command_serves_a_legacy_peer():
 def test_a_mistake_in_the_sensor_errors_is_explained(text, says, tmp_path):
     noise = tmp_path / "noise.yaml"
     noise.write_text(text)
-    done = subprocess.run(command("--noise", str(noise)), capture_output=True, text=True, timeout=WAIT_S)
-    assert done.returncode == 2
+    done = run_here("--noise", str(noise))
+    assert done.exit_code == 2
     assert f"{noise}{says}" in done.stderr
 
 
 def test_one_port_is_for_one_ua():
-    done = subprocess.run(
-        command("--count", "2", "--port", "9100"), capture_output=True, text=True, timeout=WAIT_S
-    )
-    assert done.returncode == 2
+    done = run_here("--count", "2", "--port", "9100")
+    assert done.exit_code == 2
     assert "--port is for one UA" in done.stderr
 
 
@@ -172,6 +172,6 @@ def test_one_port_is_for_one_ua():
     ],
 )
 def test_options_that_do_not_fit_each_other_are_refused_in_a_line(options, text):
-    done = CliRunner().invoke(main, ["--home", "47,8,400,0", *options])
+    done = run_here(*options)
     assert done.exit_code == 2
     assert text in done.stderr.splitlines()[-1]

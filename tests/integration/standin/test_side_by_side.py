@@ -34,7 +34,7 @@ def test_the_page_has_the_table_that_was_recorded() -> None:
 @pytest.mark.parametrize(
     "parts",
     [
-        pytest.param(("on_the_ground",), id="short"),
+        pytest.param(("on_the_ground",), id="short", marks=pytest.mark.slow),
         pytest.param(PARTS, id="whole", marks=[pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(300)]),
     ],
 )

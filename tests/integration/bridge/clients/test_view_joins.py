@@ -71,7 +71,9 @@ def test_a_run_that_is_ended_while_it_waits_has_no_tick(
     assert flown.errors.texts == []
 
 
-@pytest.mark.parametrize("how", ["one", "task", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "how", ["task", *(pytest.param(how, marks=pytest.mark.slow) for how in ("one", "many"))]
+)
 def test_a_run_flies_without_a_view_that_does_not_come_and_says_so(
     how: How, tmp_path: Path, free_slot: Callable[[int], int]
 ) -> None:
