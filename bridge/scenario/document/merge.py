@@ -63,6 +63,12 @@ def same_id(node: Written, node_id: object) -> bool:
     return own is not None and str(own.content) == str(node_id)
 
 
+def kind_of(node: Written) -> str:
+    """The kind of a node as written; one without is a UA."""
+    kind = node.get("kind")
+    return "ua" if kind is None else str(kind.content)
+
+
 def _is_another(base: Written, over: Written, path: Path_) -> bool:
     if "options" in path:
         return False  # an agent's own keys mean what the agent takes them for

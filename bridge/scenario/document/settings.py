@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bridge.scenario.document.merge import as_preset, names_a_preset, removes, same_id
+from bridge.scenario.document.merge import as_preset, kind_of, names_a_preset, removes, same_id
 from bridge.scenario.document.written import Path_, Written, WrittenPlace, written_at
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.nodes import KEYS
@@ -146,7 +146,7 @@ class _Setter:
         kinds = [kind for kind, keys in KEYS.items() if steps and steps[0] in keys]
         if not kinds:
             return list(range(len(nodes)))
-        found = [index for index, node in enumerate(nodes) if _kind_of(node) in kinds]
+        found = [index for index, node in enumerate(nodes) if kind_of(node) in kinds]
         if nodes and not found:
             self._refuse(f"no node here can have {steps[0]}: it is a key of {' and '.join(kinds)} nodes")
         return found
@@ -160,9 +160,3 @@ class _Setter:
 
     def _refuse(self, text: str) -> None:
         raise ScenarioError(f"{self.setting.told_as}: {self.setting.key}: {text}")
-
-
-def _kind_of(node: Written) -> object:
-    """A node without a kind is a UA."""
-    kind = node.get("kind")
-    return "ua" if kind is None else kind.content

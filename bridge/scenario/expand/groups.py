@@ -10,6 +10,7 @@ from typing import Any, NoReturn, TypeGuard
 
 from pydantic import ValidationError
 
+from bridge.scenario.document.merge import kind_of
 from bridge.scenario.document.written import Path_, Written, plain
 from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
@@ -104,7 +105,7 @@ class _Group:
         """Its nodes."""
         count = self._count()
         self._refuse_wrong_id()
-        place_key = PLACES.get(self._kind, "home")
+        place_key = PLACES.get(kind_of(self._node), "home")
         for index in range(count):
             names = {"i": index, "n": count}
             node = self._filled(self._node.without(COUNT), self._path, names)
@@ -113,11 +114,6 @@ class _Group:
             if place is not None and (spots := self._spots(place, place_key, count)) is not None:
                 node = node.having(place_key, self._placed(place, spots[index]))
             yield node
-
-    @property
-    def _kind(self) -> str:
-        kind = self._node.get("kind")
-        return "ua" if kind is None else str(kind.content)
 
     def _count(self) -> int:
         count = self._node.content[COUNT]
@@ -218,7 +214,7 @@ class _Group:
             before = place.get(key)
             if before is None or _is_number(before.content):
                 place = place.having(key, Written(value, place.place))
-        if spot.heading_deg is not None and self._kind == "ua" and place.get("heading_deg") is None:
+        if spot.heading_deg is not None and kind_of(self._node) == "ua" and place.get("heading_deg") is None:
             place = place.having("heading_deg", Written(spot.heading_deg, place.place))
         return place.without(*PATTERNS)
 

@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("playwright")
 
-from playwright.sync_api import Browser, Error, Locator, expect
+from playwright.sync_api import Browser, Error, Locator, Page, expect
 from websockets.sync.client import connect
 
 from benchmarks.browser import chromium
@@ -56,14 +56,19 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
+def paused(page: Page) -> Locator:
+    """Pause a record; returns its slider."""
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_role("status")).to_have_text("record, paused")
+    return page.get_by_role("slider", name="Sim time")
+
+
 @pytest.mark.slow
 def test_a_record_is_seen_as_it_was(browser: Browser, record: Path) -> None:
     with serving(record) as view:
         seen = ViewPage(browser, view.address)
         page = seen.page
-        page.get_by_role("button", name="Pause").click()
-        expect(page.get_by_role("status")).to_have_text("record, paused")
-        slider = page.get_by_role("slider", name="Sim time")
+        slider = paused(page)
         slider.focus()
         before = seen.words()["time"]
         page.keyboard.press("PageUp")
@@ -173,9 +178,7 @@ def test_a_slider_that_was_put_back_moves_on(browser: Browser, record: Path) -> 
     with serving(record) as view:
         seen = ViewPage(browser, view.address)
         page = seen.page
-        page.get_by_role("button", name="Pause").click()
-        expect(page.get_by_role("status")).to_have_text("record, paused")
-        slider = page.get_by_role("slider", name="Sim time")
+        slider = paused(page)
         seen.wait("it stands", lambda: float(slider.input_value()) == pytest.approx(seen.words()["time"]))
         before_s = float(slider.input_value())
         box = slider.bounding_box()
