@@ -39,12 +39,13 @@ class Offspring:
     def end(self) -> None:
         """Ask what still runs to end, and kill what has not ended `OFFSPRING_END_S` later (wall time)."""
         left = self._left()
+        if not left:
+            return  # each look reads all of /proc
         for process in left:
             text = f"a process that an agent had started was ended with the run: {_command_of(process)}"
             log.warning("%s", text)
             self._report.event(log_clock.now_ns or 0, "", PROCESS_LEFT, text)
-        if left:
-            self._report.flush()
+        self._report.flush()
         for end in (psutil.Process.terminate, psutil.Process.kill):
             for process in self._left():
                 with suppress(psutil.Error):
