@@ -169,7 +169,7 @@ def test_mistakes_in_a_file_are_told_with_their_place(tmp_path, content, message
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--serial", "/dev/null:123"], "cannot run at 123 baud"),
+        (["--listen", "127.0.0.1:0", "--serial", "/dev/null:123"], "cannot run at 123 baud"),
         (["--listen", "203.0.113.1:6760"], "cannot listen on 203.0.113.1:6760"),
     ],
 )
