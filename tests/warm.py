@@ -155,7 +155,8 @@ class Command:
     def send_signal(self, number: int) -> None:
         """Send it a signal, if it is not over."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with suppress(ProcessLookupError):  # over, but not yet told
+                os.kill(self.pid, number)
 
     def terminate(self) -> None:
         """Send it SIGTERM."""

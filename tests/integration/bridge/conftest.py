@@ -144,9 +144,10 @@ def start_run(tmp_path: Path, free_slot: Callable[[int], int]) -> Iterator[Start
     yield start
     for run in started:
         if run.process.poll() is None:
-            children = run.children()
-            run.process.kill()
-            for child in children:
-                with suppress(psutil.NoSuchProcess):  # it may die with the supervisor
-                    child.kill()
+            with suppress(psutil.NoSuchProcess):  # killed by the test, its death is not yet told
+                children = run.children()
+                run.process.kill()
+                for child in children:
+                    with suppress(psutil.NoSuchProcess):  # it may die with the supervisor
+                        child.kill()
         run.process.communicate()

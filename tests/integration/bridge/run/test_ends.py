@@ -664,6 +664,7 @@ def test_a_killed_supervisor_leaves_no_process(
     children = run.children()
     assert len(children) == count
     run.process.kill()
+    run.finish(10.0)
     _, alive = psutil.wait_procs(children, timeout=10)
     assert not alive
 
