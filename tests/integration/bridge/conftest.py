@@ -87,7 +87,10 @@ class Run:
 
     def child(self, name: str) -> psutil.Process:
         """The run's process of this name, which is forked from the command, or with ``name`` in its command line."""
-        told = {child: (child.name(), " ".join(child.cmdline())) for child in self.children()}
+        told = {}
+        for child in self.children():
+            with suppress(psutil.NoSuchProcess):  # one of its shorter errands
+                told[child] = (child.name(), " ".join(child.cmdline()))
         found = [child for child, (its, words) in told.items() if its == name or name in words]
         assert found, f"no process with {name!r} among {list(told.values())}"
         return found[0]

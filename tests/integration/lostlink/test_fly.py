@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,10 @@ def scenario(free_slot: Callable[[int], int]) -> dict[str, Any]:
 
 def children() -> list[str]:
     """What runs below us, but for what tests here may have started once: for multiprocessing, and to fork from."""
-    running = [" ".join(child.cmdline()) for child in psutil.Process().children() if child.is_running()]
+    running = []
+    for child in psutil.Process().children():
+        with suppress(psutil.NoSuchProcess):  # over; of another test's, perhaps
+            running.append(" ".join(child.cmdline()))
     kept = ("multiprocessing.resource_tracker", "tests.warm")
     return [command for command in running if not any(name in command for name in kept)]
 

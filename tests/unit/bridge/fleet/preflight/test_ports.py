@@ -45,7 +45,7 @@ def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, 
     scenario, port = taken
     with pytest.raises(FleetError) as told, at_own_ports(scenario):
         pass
-    [line] = str(told.value).splitlines()
+    [line] = [line for line in str(told.value).splitlines() if f"port {port} " in line]
     assert f"port {port} (modem of node gcs on main) is in use" in line
     assert line.endswith(
         "free it, or choose another in modems.main.serve of node gcs in the scenario (0: any)"
