@@ -5,10 +5,8 @@ from __future__ import annotations
 from bridge.bus.handling import PLAIN, Handling, handling_bytes
 from bridge.bus.keys import MAIN, Keys
 from bridge.bus.messages import AgentStatus, AircraftState, Header, RadioSwitch
-from bridge.bus.session import Session, Stamp
+from bridge.bus.session import JSON, Session, Stamp
 from bridge.record.logged import LoggedValue, as_json
-
-JSON = "application/json"
 
 
 class BusOutlet:

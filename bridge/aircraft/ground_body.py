@@ -9,6 +9,9 @@ from bridge.aircraft.body import OnEvent
 from bridge.bus.messages import AircraftState, CommandEvent, CommandGoal, Header, Vector3
 from bridge.scenario.resolve.ground_track import GroundTrack
 
+GROUND = "GROUND"
+"""The mode of what has no autopilot."""
+
 
 class GroundBody:
     """One ground node; its state is its place, and nothing else.
@@ -51,7 +54,7 @@ class GroundBody:
             altitude_rel_m=-place.position_ned_m[2],
             position_ned_m=Vector3(*place.position_ned_m),
             velocity_ned_mps=Vector3(*place.velocity_ned_mps),
-            mode="GROUND",
+            mode=GROUND,
         )
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:  # noqa: ARG002

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+from contextlib import suppress
 from typing import Any
 
 from bridge.bus.messages import DecodeError, decode
 from bridge.bus.messages.codec import class_of
 from bridge.bus.reception import signal_of
-from bridge.bus.session import Sample, Stamp
+from bridge.bus.session import JSON, Sample, Stamp
 
 
 def describe(sample: Sample) -> dict[str, Any]:
@@ -24,6 +26,9 @@ def describe(sample: Sample) -> dict[str, Any]:
             content |= {"rssi_dbm": round(rssi_dbm, 3), "snr_db": round(snr_db, 3)}
     content["length_bytes"] = len(payload)
     cls = class_of(str(sample.encoding))
+    if str(sample.encoding) == JSON:
+        with suppress(ValueError, RecursionError):  # of anybody: it may be none
+            return content | {"type": JSON, "message": _plain(json.loads(payload))}
     if cls is None:
         return content | {"encoding": str(sample.encoding), "bytes": payload[:64].hex()}
     try:
@@ -54,12 +59,11 @@ def as_text(content: dict[str, Any]) -> str:
     if "rssi_dbm" in content:
         head.append(f"{content['rssi_dbm']:.1f} dBm")
     head.append(f"{content['length_bytes']} B")
-    body = content.get("message")
-    if body is None:
+    if "message" not in content:
         return "  ".join([*head, content.get("error", content.get("encoding", "")), content["bytes"]])
-    return "  ".join([*head, content["type"].rsplit("/", 1)[1]]) + "".join(
-        f"\n  {line}" for line in _lines(body)
-    )
+    body = content["message"]
+    lines = _lines(body) if isinstance(body, dict) else [json.dumps(body)]
+    return "  ".join([*head, content["type"].rsplit("/", 1)[1]]) + "".join(f"\n  {line}" for line in lines)
 
 
 def _lines(body: dict[str, Any], prefix: str = "") -> list[str]:

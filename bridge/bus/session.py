@@ -30,6 +30,8 @@ STUCK_READER_S = 1.0
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time in ns, length of the id, id: the layout that rmw_zenoh attaches to a sample."""
 
+JSON = "application/json"
+"""The encoding of what is no message of ours: logged values, answers of the clock."""
 Sample = zenoh.Sample
 Query = zenoh.Query
 _UNSAID = str(zenoh.Encoding.ZENOH_BYTES)

@@ -10,7 +10,7 @@ from functools import partial
 from bridge.bus.inbox import Inbox
 from bridge.bus.messages import CommandEvent, CommandGoal, DecodeError, decode
 from bridge.bus.replies import reply_event
-from bridge.bus.session import Query, Sample, Session, answer, end_of_answers, refuse
+from bridge.bus.session import JSON, Query, Sample, Session, answer, end_of_answers, refuse
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node import ASKED_MAX, ENTERING_MAX, OnReply
@@ -69,7 +69,7 @@ class AskedOnBus:
         except ValueError:
             found = None
         key = self._keys.mavlink(hosted.id, name)
-        if found is not None and not answer(query, key, json.dumps(found).encode(), "application/json"):
+        if found is not None and not answer(query, key, json.dumps(found).encode(), JSON):
             log.warning("mavlink/%s: whoever asked is gone", name)
         end_of_answers(query)
 

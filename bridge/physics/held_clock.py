@@ -10,13 +10,12 @@ from typing import Protocol
 from bridge.bus.clock_commands import ClockCommand, answer, read_command, refusal
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header
-from bridge.bus.session import Query, Session, end_of_answers, refuse
+from bridge.bus.session import JSON, Query, Session, end_of_answers, refuse
 from bridge.bus.session import answer as answer_query
 from fdm.clock.status import check_speed
 
 REMIND_S = 1.0
 """How often it is repeated that the clock is held, wall time: whoever joins meanwhile hears no tick."""
-JSON = "application/json"
 log = logging.getLogger("physics")
 
 

@@ -13,6 +13,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
+from bridge.aircraft.ground_body import GROUND
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
@@ -154,7 +155,7 @@ class Progress:
     def _line(self) -> str:
         states, links, since = self._look()
         parts = [self._time()]
-        parts += [_ua_text(node, states[node]) for node in sorted(states)[:IN_A_LINE_MAX]]
+        parts += [_node_text(node, states[node]) for node in sorted(states)[:IN_A_LINE_MAX]]
         parts += [_link_text(link, since) for link in links[:IN_A_LINE_MAX]]
         return "; ".join(parts)
 
@@ -189,13 +190,14 @@ class Progress:
         return f"sim time {seconds:7.2f} s, real-time factor {clock.real_time_factor:.1f} (target {target}){stalled}"
 
 
-def _ua_text(node: str, state: AircraftState) -> str:
+def _node_text(node: str, state: AircraftState) -> str:
     told = [
         f"{value:.0f} {unit}"
         for value, unit in ((state.altitude_rel_m, "m"), (state.groundspeed_mps, "m/s"))
         if math.isfinite(value)
     ]
-    return " ".join([f"UA {node}", state.mode or "unheard", *told])
+    who = f"node {node}" if state.mode == GROUND else f"UA {node}"
+    return " ".join([who, state.mode or "unheard", *told])
 
 
 def _link_text(link: LinkNow, since: str) -> str:

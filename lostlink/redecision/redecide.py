@@ -44,6 +44,7 @@ from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
 from channel.network.network import RadioRoute
+from lostlink.reading.edited import edited_radio_files
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
@@ -71,6 +72,7 @@ class Redecision:
         facts: what is known of the packets.
         books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
         routes: that changed, each with the name of its network, tick by tick.
+        edited: files of its radios that are others now than when the run was flown, as sentences.
     """
 
     run: Path
@@ -80,6 +82,7 @@ class Redecision:
     facts: PacketFacts
     books: tuple[Books, ...]
     routes: tuple[tuple[str, RadioRoute], ...] = ()
+    edited: tuple[str, ...] = ()
 
     @property
     def ledger(self) -> Ledger:
@@ -197,7 +200,8 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
     routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
-    return Redecision(run, scenario, before, after, facts, tuple(each.books for each in anew), tuple(routes))
+    books, edited = tuple(each.books for each in anew), tuple(edited_radio_files(run, scenario))
+    return Redecision(run, scenario, before, after, facts, books, tuple(routes), edited)
 
 
 class _Progress:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from bridge.radio.ledger_file import LEDGER, write_ledger
-from bridge.record.names import INPUT_FOLDER, PROVENANCE_FILE, REPORT_FOLDER, STREAM_FOLDER
+from bridge.record.names import INPUT_FOLDER, REPORT_FOLDER, STREAM_FOLDER
+from bridge.record.provenance import read_provenance, write_provenance
 from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabulary
 from bridge.record.tables.every import TABLES, finish_tables
 from bridge.record.tables.routes import ROUTES, RouteWriter
 from bridge.run.directory import LOG_FOLDER, RunDirectory
+from lostlink.reading.edited import radio_files
 from lostlink.redecision.redecide import Redecision
 
 ROWS_AT_ONCE = 1 << 13
@@ -53,11 +56,14 @@ def write_run(
             shutil.copytree(result.run / name, directory / name)
     kept = [table for table in TABLES if table not in (DELIVERIES, ROUTES)]
     tables = (path for table in kept for path in table.files(result.run))
-    for path in (*tables, result.run / PROVENANCE_FILE):
+    for path in tables:
         if path.exists():
             copy = directory / path.relative_to(result.run)
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
+    if flown := read_provenance(result.run):
+        files = flown.files | radio_files(result.scenario)
+        write_provenance(replace(flown, files=files), directory)
     write_ledger(directory / LEDGER, result.books, {})
     if result.is_routed:
         radios = [each.radio for each in result.books if each.routing is not None]

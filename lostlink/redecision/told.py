@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -17,19 +17,30 @@ SCHEMA = 1
 LINKS_SHOWN_MAX = 12
 
 
-def verdict_on(result: Redecision) -> RunVerdict:
+def agrees(result: Redecision) -> bool:
     """Whether the new fates are what the radio says."""
+    return all(check["passed"] for check in judged_in(result.books)["checks"])
+
+
+def verdict_on(result: Redecision, written: Mapping[str, Any] | None) -> RunVerdict:
+    """What they are worth; of a run that was ``written``, what its summary says.
+
+    Expectations are judged of a directory: without one the words say that they are not.
+    """
+    if written is not None:
+        return RunVerdict(written["outcome"], written["verdict"])
     accounts = [account for each in result.books for account in each.ledger.links.values()]
     links = [{"sent": account.sent, "delivered": account.delivered} for account in accounts]
-    judged = judged_in(result.books)
-    return verdict_of(judged["checks"], links, "done", unjudged=judged["unjudged"])
+    judged, expected = judged_in(result.books), len(result.scenario.expectations)
+    remarks = [f"{expected} expectations are judged with --out"] if expected else []
+    return verdict_of(judged["checks"], links, "done", unjudged=judged["unjudged"], remarks=remarks)
 
 
-def plain_of(result: Redecision) -> dict[str, Any]:
-    """All of it in plain types; docs/how-to/replay.md has the keys."""
-    verdict, scenario = verdict_on(result), result.scenario
+def plain_of(result: Redecision, written: Mapping[str, Any] | None) -> dict[str, Any]:
+    """All of it in plain types, of a run that was ``written`` its verdict; docs/how-to/replay.md has the keys."""
+    verdict, scenario = verdict_on(result, written), result.scenario
     what = {"schema": SCHEMA, "run": str(result.run), "radio": scenario.radio, "seed": scenario.seed}
-    worth = {"outcome": verdict.outcome, "verdict": verdict.text}
+    worth = {"outcome": verdict.outcome, "verdict": verdict.text, "edited": list(result.edited)}
     return what | result.comparison.as_plain() | judged_in(result.books) | worth
 
 

@@ -15,9 +15,10 @@ from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
+from lostlink.cli.exits import tell as warn
 from lostlink.cli.scenario_options import setting_options
 from lostlink.cli.shown_table import print_table
-from lostlink.flight.exits import DISAGREES
+from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL
 from lostlink.flight.say import say
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def redecide(
     Flight and transmissions stay as recorded: what a node would have done had it heard more or less is not in the
     result, and --set takes values of radios, networks and emissions alone. Without --radio, --seed and --set all fates
     come out as they were, and the status is 1 if not; else it is 0, or 1 if the new fates disagree with the radio's
-    model. 2: RUN cannot be read, or there is no such radio.
+    model, or 3 if what --out wrote does not meet the scenario's expectations. 2: RUN cannot be read, or there is no
+    such radio.
 
     \b
     Examples:
@@ -63,10 +65,9 @@ def redecide(
     progress = _Progress(silent=silent)  # whose clock goes while modules are imported
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
-    from lostlink.flight.exits import RunOutcome
     from lostlink.redecision.redecide import decide
     from lostlink.redecision.rewrite import check_is_free
-    from lostlink.redecision.told import plain_of, verdict_on
+    from lostlink.redecision.told import agrees, plain_of
     from lostlink.redecision.whole_run import write_whole_run
 
     try:
@@ -77,13 +78,18 @@ def redecide(
         summary = None if out is None else write_whole_run(result, out, _Written(silent=silent))
     except (OSError, ValueError, ChannelInputError, OutsideValidityError) as error:
         fail(error)
+    for line in result.edited:
+        warn(line)
     if as_json:
         written = {} if summary is None else {"directory": str(out), "digest": summary["digest"]}
-        click.echo(json.dumps(plain_of(result) | written))
+        click.echo(json.dumps(plain_of(result, summary) | written))
     else:
-        _tell(result, out, quiet=quiet)
+        _tell(result, out, summary, quiet=quiet)
     differs = radio is None and seed is None and not settings and result.disagrees
-    sys.exit(DISAGREES if differs or verdict_on(result).outcome is RunOutcome.FAIL else 0)
+    if differs or not agrees(result):
+        sys.exit(DISAGREES)
+    met = summary is None or all(each["passed"] for each in summary["expectations"])
+    sys.exit(WELL if met else UNEXPECTED)
 
 
 def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[str, ...]) -> Scenario:
@@ -121,7 +127,7 @@ class _Written:
             say(f"writes {name}: {rows} rows so far", err=True)
 
 
-def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
+def _tell(result: Redecision, out: Path | None, summary: dict[str, Any] | None, *, quiet: bool) -> None:
     from lostlink.redecision.told import sentence, tables, verdict_on
 
     if not quiet:
@@ -130,4 +136,4 @@ def _tell(result: Redecision, out: Path | None, *, quiet: bool) -> None:
         if out is not None:
             say(out)
     say(sentence(result.comparison))
-    say(verdict_on(result).text)
+    say(verdict_on(result, summary).text)

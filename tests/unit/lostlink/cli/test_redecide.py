@@ -12,9 +12,12 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
+from bridge.record.digests import file_digest
+from bridge.record.provenance import collect, read_provenance, write_provenance
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.measurements import MeasurementWriter
 from bridge.scenario.file import read_scenario
+from bridge.scenario.resolve.named_files import named_files
 from channel.presets import load_radio
 from channel.sensing.measured import MEASURED, Measured
 from lostlink.cli.main import lostlink
@@ -186,6 +189,60 @@ def test_what_is_written_is_a_run(run: Path, tmp_path: Path) -> None:
     again = json.loads(redecide(tmp_path / "disk", "--json").stdout)
     assert again["is_same"]
     assert (tmp_path / "disk" / "probability_of_delivery.png").stat().st_size > 1000
+
+
+EXPECTATIONS = """expectations:
+  - {type: delivery, from: "0", to: "1", at_least: 0.9}
+  - {type: delivery, from: "0", to: "1", at_least: 0.0, name: any}
+"""
+
+
+def test_expectations_are_judged_of_what_is_written(tmp_path: Path) -> None:
+    """The verdict, the outcome and the status are those of its summary; without a directory nobody judges them."""
+    made = flown(tmp_path / "made", scenario_of("perfect", NODES, extra=EXPECTATIONS), 20)
+    lossy = ("--set", "radio.base_loss=0.999999", "--quiet")
+    alone = redecide(made, *lossy)
+    assert alone.exit_code == 0
+    assert alone.stdout.splitlines()[-1].endswith("; 2 expectations are judged with --out")
+    told = redecide(made, *lossy, "--out", tmp_path / "lossy")
+    summary = json.loads((tmp_path / "lossy" / "summary.json").read_text())
+    assert summary["outcome"] == "fail"
+    assert told.exit_code == 3
+    assert told.stdout.splitlines()[-1] == summary["verdict"]
+    assert summary["verdict"].startswith("fail: 1 of 2 expectations not met: ")
+    printed = json.loads(redecide(made, *lossy[:2], "--out", tmp_path / "again", "--json").stdout)
+    assert (printed["outcome"], printed["verdict"]) == ("fail", summary["verdict"])
+    assert redecide(made, "--out", tmp_path / "same", "--quiet").exit_code == 0
+
+
+LAW = """from channel.variant import Variant
+class Flat(Variant):
+    def path_loss_db(self, path):
+        return 0.0 * path.distance_m + {loss_db}
+"""
+
+
+def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_path: Path) -> None:
+    law = tmp_path / "laws.py"
+    law.write_text(LAW.format(loss_db=80.0))
+    radio = f"{{preset: hata-qpsk, propagation: {{class: '{law}:Flat'}}}}"
+    scenario = scenario_of(radio, NODES)
+    made = flown(tmp_path / "made", scenario, 20)
+    write_provenance(collect({}, named_files(scenario)), made)
+    same = redecide(made)
+    assert (same.exit_code, same.stderr) == (0, "")
+    law.write_text(LAW.format(loss_db=150.0))
+    told = redecide(made, "--json", "--out", tmp_path / "edited")
+    assert told.exit_code == 1
+    line = f"{law} is another than that of the record"
+    assert told.stderr == f"lostlink: {line}\n"
+    assert json.loads(told.stdout)["edited"] == [line]
+    decided = read_provenance(tmp_path / "edited")
+    assert decided is not None
+    assert decided.files == {str(law): file_digest(law)}
+    assert redecide(tmp_path / "edited").stderr == ""
+    page = CliRunner().invoke(lostlink, ["report", str(made)])
+    assert page.stderr.startswith(f"lostlink: {line}: the model's curve is that of today's\n")
 
 
 def test_a_run_decided_anew_has_lost_nothing_of_the_run(tmp_path: Path) -> None:

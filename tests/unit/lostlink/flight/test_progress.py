@@ -52,9 +52,11 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_of_a_ua_that_is_unheard_no_numbers_are_shown() -> None:
     nan = float("nan")
-    assert module._ua_text("0", AircraftState(altitude_rel_m=nan, groundspeed_mps=nan)) == "UA 0 unheard"
+    assert module._node_text("0", AircraftState(altitude_rel_m=nan, groundspeed_mps=nan)) == "UA 0 unheard"
     heard = AircraftState(mode="GUIDED", altitude_rel_m=12.3, groundspeed_mps=nan)
-    assert module._ua_text("0", heard) == "UA 0 GUIDED 12 m"
+    assert module._node_text("0", heard) == "UA 0 GUIDED 12 m"
+    station = AircraftState(mode="GROUND", altitude_rel_m=3.0, groundspeed_mps=0.0)
+    assert module._node_text("gcs", station) == "node gcs GROUND 3 m 0 m/s"
 
 
 def test_a_line_says_of_a_link_whose_radio_is_off_that_it_is() -> None:
