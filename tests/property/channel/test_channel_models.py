@@ -1,16 +1,29 @@
 """Every propagation and error model: finite, reciprocal, monotone, without a warning."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from channel.config import Error, Propagation
 from channel.geometry import Path
-from channel.phy.error_model import Band, ErfcBytes, SnrTable, Threshold, UncodedAwgn
+from channel.phy.error_model import (
+    Band,
+    ErfcBytes,
+    Lossless,
+    NoncoherentFsk,
+    SnrTable,
+    Threshold,
+    UncodedAwgn,
+)
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
+from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
+from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
 
 MONOTONE = [
@@ -37,11 +50,22 @@ ERRORS = [
     ErfcBytes(),
     *[UncodedAwgn(modulation=m) for m in ("bpsk", "qpsk", "16qam", "64qam")],
     *[model(rate_mbps=rate) for model in (OfdmNist, OfdmYans) for rate in (6, 9, 12, 18, 24, 36, 48, 54)],
+    *[NoncoherentFsk(coding=coding) for coding in ("none", "golay")],
     SnrTable(table=((0.0, 1.0), (5.0, 0.5), (9.0, 0.0))),
     Threshold(snr_min_db=3.0),
 ]
 BAND = Band(20e6, 12e6)
 heights = st.floats(1.0, 300.0)
+
+NEED_FILES = (GainMap, Terrain)
+NOTHING = (NoPathLoss, Lossless)
+
+
+def test_no_model_is_left_out() -> None:
+    """Each that a radio may name is tried below; those that need a file have tests of their own."""
+    tried = {type(each) for each in (*MONOTONE, *BY_SIGHT, *ERRORS)}
+    named = {each for union in (Propagation, Error) for each in get_args(get_args(union)[0])}
+    assert named - tried == {*NEED_FILES, *NOTHING}
 
 
 @settings(deadline=None, max_examples=60)
