@@ -61,7 +61,8 @@ class JsbsimConfig(Settings):
             relative to the airframe's file; None = that of the jsbsim package. Engines that are not found there
             come from the jsbsim package.
         min_rate_hz: slowest rate at which the ground contact is stable; slower frames are split into equal
-            steps.
+            steps. Lags, rate limits and integrators of the model's flight control are those of 400 steps per second,
+            or of this rate if it is higher (fdm.model.jsbsim_model).
         properties: values set once, before the initial conditions.
     """
 

@@ -116,13 +116,21 @@ class JsbsimModel:
                 )
             return found
 
+        def set_once(key: str, name: str, value: float) -> None:
+            if not node(name).set_double_value(value):
+                raise AirframeError(
+                    f"airframe {airframe.name}: {key}: JSBSim computes the property {name}, which cannot be set"
+                )
+
+        for channel in airframe.channels:
+            set_once("channels", channel.property, node(channel.property).get_double_value())
         self._drivers = tuple(
             (channel.channel - 1, node(channel.property).set_double_value, _ChannelValues(channel))
             for channel in airframe.channels
         )
         self._channels_needed = max(channel.channel for channel in airframe.channels)
         for name, value in airframe.jsbsim.properties.items():
-            node(name).set_double_value(value)
+            set_once("jsbsim.properties", name, value)
         self._truth_only = tuple(node(name).get_double_value for name in _TRUTH_ONLY)
         self._north, self._east, self._down = (
             node(f"velocities/v-{axis}-fps").get_double_value for axis in ("north", "east", "down")
@@ -133,7 +141,13 @@ class JsbsimModel:
         self._rate_hz = 0
         self._substeps = 1
         self._last_pwm: Fields = ()
-        self._start()
+        try:
+            self._start()
+        except jsbsim.BaseError as error:
+            text = " ".join(str(error).split())
+            raise AirframeError(
+                f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model} does not run: {text}"
+            ) from error
         self.sense: Callable[[], tuple[float, ...]] = _make_sense(
             [node(name).get_double_value for name in _SENSED], home, airframe, node
         )
@@ -233,8 +247,7 @@ class JsbsimModel:
     def _start(self) -> None:
         """Put the UA at its home and let the gear come to rest."""
         place, initial, model = self._home.position, self._airframe.initial, self._exec
-        rate_hz = max(SETTLE_RATE_HZ, self._airframe.jsbsim.min_rate_hz)
-        model.set_dt(1.0 / rate_hz)
+        rate_hz = _rate_at_load_hz(self._airframe)
         model["ic/terrain-elevation-ft"] = place.alt_amsl_m / FOOT_M
         model["ic/lat-geod-deg"] = place.lat_deg
         model["ic/long-gc-deg"] = place.lon_deg
@@ -252,11 +265,21 @@ def substeps_at(rate_hz: int, min_rate_hz: float) -> int:
     return max(1, ceil(min_rate_hz / rate_hz))
 
 
+def _rate_at_load_hz(airframe: Airframe) -> float:
+    """Steps per second at which a model is loaded and settles.
+
+    JSBSim computes the lags, rate limits and integrators of a model's flight control for the step that it has when it
+    loads them, and never anew: steps of another length make them faster or slower by that ratio.
+    """
+    return max(SETTLE_RATE_HZ, airframe.jsbsim.min_rate_hz)
+
+
 def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     console = _Console()
     jsbsim.set_logger(console)
     executive = jsbsim.FGFDMExec(None)
     executive.set_debug_level(0)
+    executive.set_dt(1.0 / _rate_at_load_hz(airframe))
     if airframe.jsbsim.root is not None:
         # Its engine/ stays JSBSim's own: a model keeps engines of its own in aircraft/<model>/Engines.
         executive.set_aircraft_path(str(airframe.jsbsim.root / "aircraft"))

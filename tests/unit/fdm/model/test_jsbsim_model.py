@@ -155,6 +155,59 @@ def test_a_property_that_is_not_there_is_an_airframe_error():
         JsbsimModel(airframe.model_copy(update={"channels": (channel,)}), HOME)
 
 
+@pytest.mark.parametrize("name", ["inertia/mass-slugs", "forces/fbz-total-lbs"])
+def test_a_property_that_jsbsim_computes_is_an_airframe_error(name):
+    airframe = load_airframe("f450")
+    jsbsim = airframe.jsbsim.model_copy(update={"properties": {name: 0.1}})
+    with pytest.raises(AirframeError, match=f"jsbsim.properties: JSBSim computes the property {name}"):
+        JsbsimModel(airframe.model_copy(update={"jsbsim": jsbsim}), HOME)
+    channel = airframe.channels[0].model_copy(update={"property": name})
+    with pytest.raises(AirframeError, match=f"channels: JSBSim computes the property {name}"):
+        JsbsimModel(airframe.model_copy(update={"channels": (channel,)}), HOME)
+
+
+def with_flight_control(folder, components, min_rate_hz=250.0):
+    """The f450 with one channel, of components of JSBSim's flight control, driven by servo channel 1."""
+    airframe = load_airframe("f450")
+    model = airframe.jsbsim.root / "aircraft" / "f450" / "f450.xml"
+    place = folder / "aircraft" / "mine" / "mine.xml"
+    place.parent.mkdir(parents=True)
+    control = f'<flight_control name="mine"><channel name="mine">{components}</channel></flight_control>'
+    place.write_text(model.read_text().replace("<aerodynamics>", f"{control}<aerodynamics>"))
+    settings = {"model": "mine", "root": folder, "min_rate_hz": min_rate_hz}
+    jsbsim = airframe.jsbsim.model_copy(update=settings)
+    channel = airframe.channels[0].model_copy(update={"property": "fcs/aileron-cmd-norm"})
+    return airframe.model_copy(update={"jsbsim": jsbsim, "channels": (channel,)})
+
+
+@pytest.mark.parametrize(("rate_hz", "min_rate_hz"), [(400, 250.0), (400, 800.0), (800, 800.0), (250, 500.0)])
+def test_lags_rate_limits_and_integrators_of_a_model_take_the_time_that_they_say(
+    tmp_path, rate_hz, min_rate_hz
+):
+    told = "<input>fcs/aileron-cmd-norm</input>"
+    airframe = with_flight_control(
+        tmp_path,
+        f'<lag_filter name="mine/lag">{told}<c1>5</c1></lag_filter>'
+        f'<actuator name="mine/limited">{told}<rate_limit>0.5</rate_limit></actuator>'
+        f'<integrator name="mine/integral">{told}<c1>1</c1></integrator>',
+        min_rate_hz,
+    )
+    model = JsbsimModel(airframe, HOME)
+    fly(model, packet(2000, rate_hz=rate_hz), 0.2)
+    of = model._exec.get_property_value
+    assert of("mine/lag") == pytest.approx(1 - math.exp(-5 * 0.2), abs=0.5 / rate_hz * 5)
+    assert of("mine/limited") == pytest.approx(0.5 * 0.2, abs=1e-9)
+    assert of("mine/integral") == pytest.approx(0.2, abs=1.0 / rate_hz)
+
+
+def test_a_model_that_jsbsim_cannot_run_is_an_airframe_error(tmp_path):
+    airframe = with_flight_control(
+        tmp_path, '<pure_gain name="mine/gain"><input>mine/nope</input><gain>1</gain></pure_gain>'
+    )
+    with pytest.raises(AirframeError, match=r"JSBSim model mine does not run: .*mine/nope does not exist$"):
+        JsbsimModel(airframe, HOME)
+
+
 def test_jsbsims_console_is_silent(capfd):
     JsbsimModel(load_airframe("f450"), HOME)
     out, err = capfd.readouterr()
