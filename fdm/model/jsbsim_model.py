@@ -8,9 +8,10 @@ behind.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 from collections.abc import Callable, Sequence
-from math import atan2, ceil, cos, radians
+from math import atan2, ceil, cos, isfinite, radians
 from pathlib import Path
 
 import jsbsim
@@ -144,6 +145,7 @@ class JsbsimModel:
         try:
             self._start()
         except jsbsim.BaseError as error:
+            _never_end(self._exec)
             text = " ".join(str(error).split())
             raise AirframeError(
                 f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model} does not run: {text}"
@@ -237,7 +239,12 @@ class JsbsimModel:
     def _check_ground_contact(self) -> None:
         config = self._airframe.jsbsim
         file = Path(self._exec.get_aircraft_path()) / config.model / f"{config.model}.xml"
-        needed_hz = slowest_stable_rate_hz(file, self._exec["inertia/mass-slugs"] * SLUG_KG)
+        mass_kg = self._exec["inertia/mass-slugs"] * SLUG_KG
+        if not mass_kg > 0.0:
+            raise AirframeError(
+                f"airframe {self._airframe.name}: {file}: the mass is {mass_kg:g} kg: it has to be above 0"
+            )
+        needed_hz = slowest_stable_rate_hz(file, mass_kg)
         if config.min_rate_hz < needed_hz:
             raise AirframeError(
                 f"airframe {self._airframe.name}: jsbsim.min_rate_hz {config.min_rate_hz:g}: the landing gear of "
@@ -258,11 +265,21 @@ class JsbsimModel:
         self._check_ground_contact()
         for _ in range(ceil(initial.settle_s * rate_hz)):
             model.run()
+        if not isfinite(model["position/geod-alt-ft"]):
+            raise AirframeError(
+                f"airframe {self._airframe.name}: JSBSim model {self._airframe.jsbsim.model} left the finite numbers "
+                "as it settled at its home: see its inertia and ground contacts"
+            )
 
 
 def substeps_at(rate_hz: int, min_rate_hz: float) -> int:
     """Into how many equal steps a frame at `rate_hz` is split: none is longer than 1 / min_rate_hz."""
     return max(1, ceil(min_rate_hz / rate_hz))
+
+
+def _never_end(executive: jsbsim.FGFDMExec) -> None:
+    """Keep a model that threw an error: in its destructor JSBSim would throw it again, and the process would abort."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(executive))
 
 
 def _rate_at_load_hz(airframe: Airframe) -> float:

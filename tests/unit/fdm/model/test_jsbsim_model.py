@@ -166,18 +166,25 @@ def test_a_property_that_jsbsim_computes_is_an_airframe_error(name):
         JsbsimModel(airframe.model_copy(update={"channels": (channel,)}), HOME)
 
 
-def with_flight_control(folder, components, min_rate_hz=250.0):
-    """The f450 with one channel, of components of JSBSim's flight control, driven by servo channel 1."""
+def with_model(folder, old, new, **settings):
+    """The f450 with something else in its JSBSim model."""
     airframe = load_airframe("f450")
-    model = airframe.jsbsim.root / "aircraft" / "f450" / "f450.xml"
+    text = (airframe.jsbsim.root / "aircraft" / "f450" / "f450.xml").read_text()
+    assert old in text
     place = folder / "aircraft" / "mine" / "mine.xml"
     place.parent.mkdir(parents=True)
+    place.write_text(text.replace(old, new))
+    jsbsim = airframe.jsbsim.model_copy(update={"model": "mine", "root": folder, **settings})
+    return airframe.model_copy(update={"jsbsim": jsbsim})
+
+
+def with_flight_control(folder, components, min_rate_hz=250.0):
+    """The f450 with one channel, of components of JSBSim's flight control, driven by servo channel 1."""
     control = f'<flight_control name="mine"><channel name="mine">{components}</channel></flight_control>'
-    place.write_text(model.read_text().replace("<aerodynamics>", f"{control}<aerodynamics>"))
-    settings = {"model": "mine", "root": folder, "min_rate_hz": min_rate_hz}
-    jsbsim = airframe.jsbsim.model_copy(update=settings)
+    old = "<aerodynamics>"
+    airframe = with_model(folder, old, control + old, min_rate_hz=min_rate_hz)
     channel = airframe.channels[0].model_copy(update={"property": "fcs/aileron-cmd-norm"})
-    return airframe.model_copy(update={"jsbsim": jsbsim, "channels": (channel,)})
+    return airframe.model_copy(update={"channels": (channel,)})
 
 
 @pytest.mark.parametrize(("rate_hz", "min_rate_hz"), [(400, 250.0), (400, 800.0), (800, 800.0), (250, 500.0)])
@@ -206,6 +213,19 @@ def test_a_model_that_jsbsim_cannot_run_is_an_airframe_error(tmp_path):
     )
     with pytest.raises(AirframeError, match=r"JSBSim model mine does not run: .*mine/nope does not exist$"):
         JsbsimModel(airframe, HOME)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("1.4 </emptywt>", "0 </emptywt>", r"mine\.xml: the mass is 0 kg"),
+        ("1.4 </emptywt>", "-1.4 </emptywt>", r"mine\.xml: the mass is -1\.4 kg"),
+        ("0.0190", "0", "model mine left the finite numbers as it settled"),
+    ],
+)
+def test_a_model_without_mass_or_inertia_is_an_airframe_error(tmp_path, old, new, says):
+    with pytest.raises(AirframeError, match=says):
+        JsbsimModel(with_model(tmp_path, old, new), HOME)
 
 
 def test_jsbsims_console_is_silent(capfd):
