@@ -52,6 +52,21 @@ class ServoChannel(Settings):
         return self
 
 
+class ChannelValues(dict[int, float]):
+    """What a channel writes to its property, by pulse width in us; each is worked out once."""
+
+    def __init__(self, channel: ServoChannel) -> None:
+        super().__init__({0: channel.no_output})
+        self._channel = channel
+
+    def __missing__(self, pwm_us: int) -> float:
+        channel = self._channel
+        low, high = channel.range
+        value = channel.sign * channel.scale_per_us * (pwm_us - channel.offset_us)
+        self[pwm_us] = value = low if value < low else high if value > high else value
+        return value
+
+
 class JsbsimConfig(Settings):
     """The JSBSim side of an airframe.
 

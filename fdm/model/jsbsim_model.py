@@ -18,7 +18,7 @@ import jsbsim
 
 from fdm.errors import AirframeError, ModelDivergedError
 from fdm.model.air_point import AirPoint, StaticAir
-from fdm.model.airframe import Airframe, ServoChannel
+from fdm.model.airframe import Airframe, ChannelValues
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
 from fdm.model.truth import TrueState, Vector, quaternion_from_euler
@@ -126,7 +126,7 @@ class JsbsimModel:
         for channel in airframe.channels:
             set_once("channels", channel.property, node(channel.property).get_double_value())
         self._drivers = tuple(
-            (channel.channel - 1, node(channel.property).set_double_value, _ChannelValues(channel))
+            (channel.channel - 1, node(channel.property).set_double_value, ChannelValues(channel))
             for channel in airframe.channels
         )
         self._channels_needed = max(channel.channel for channel in airframe.channels)
@@ -183,7 +183,8 @@ class JsbsimModel:
                 for _ in range(self._substeps):
                     self._run()
         except Exception as error:  # whatever JSBSim throws ends this UA, and only this one
-            raise ModelDivergedError(f"JSBSim stopped: {error}") from error
+            _never_end(self._exec)
+            raise ModelDivergedError(f"JSBSim stopped: {' '.join(str(error).split())}") from error
 
     def set_wind(self, wind_ned_mps: Vector) -> None:
         """Set the velocity of the air around the UA, m/s, from the next step on."""
@@ -309,21 +310,6 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
         reason = "; ".join(console.errors[-3:]) or "no reason given"
         raise AirframeError(f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model}: {reason}")
     return executive
-
-
-class _ChannelValues(dict[int, float]):
-    """What a channel writes to its property, by pulse width in us; each is worked out once."""
-
-    def __init__(self, channel: ServoChannel) -> None:
-        super().__init__({0: channel.no_output})
-        self._channel = channel
-
-    def __missing__(self, pwm_us: int) -> float:
-        channel = self._channel
-        low, high = channel.range
-        value = channel.sign * channel.scale_per_us * (pwm_us - channel.offset_us)
-        self[pwm_us] = value = low if value < low else high if value > high else value
-        return value
 
 
 def _make_sense(

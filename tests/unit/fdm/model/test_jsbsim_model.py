@@ -1,4 +1,7 @@
 import math
+import re
+import subprocess
+import sys
 
 import pytest
 
@@ -213,6 +216,37 @@ def test_a_model_that_jsbsim_cannot_run_is_an_airframe_error(tmp_path):
     )
     with pytest.raises(AirframeError, match=r"JSBSim model mine does not run: .*mine/nope does not exist$"):
         JsbsimModel(airframe, HOME)
+
+
+LATE = """\
+import gc, sys
+from pathlib import Path
+from fdm.errors import ModelDivergedError
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.jsbsim_model import JsbsimModel
+
+airframe = load_airframe("f450")
+jsbsim = airframe.jsbsim.model_copy(update={"model": "mine", "root": Path(sys.argv[1])})
+airframe = airframe.model_copy(update={"jsbsim": jsbsim})
+model = JsbsimModel(airframe, Home(GeodeticPosition(47.0, 8.0, 400.0)))
+try:
+    for _ in range(800):
+        model.step((18458, 400, 0, *(1000,) * 16), 400)
+except ModelDivergedError as error:
+    print(error)
+del model
+gc.collect()
+"""
+
+
+def test_a_model_that_throws_in_flight_ends_and_the_process_goes_on(tmp_path):
+    late = "<ifthen> <lt> <property> simulation/sim-time-sec </property> <value> 4 </value> </lt> <value> 0 </value> "
+    late += "<property> aero/nope </property> </ifthen>"
+    with_model(tmp_path, "<property> aero/qbar-area </property>", late)
+    done = subprocess.run([sys.executable, "-c", LATE, str(tmp_path)], capture_output=True, text=True)
+    assert re.fullmatch(r"JSBSim stopped: .* The property aero/nope does not exist\n", done.stdout)
+    assert (done.stderr, done.returncode) == ("", 0)
 
 
 @pytest.mark.parametrize(
