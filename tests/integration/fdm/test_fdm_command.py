@@ -187,6 +187,8 @@ def test_one_port_is_for_one_ua():
         (("--px4", "--coupling", "parallel"), "--coupling parallel is for ArduPilot"),
         (("--px4", "--imu-rate", "110"), "--imu-rate 110: must be a multiple of 50"),
         (("--imu-rate", "250"), "--imu-rate is for --px4"),
+        (("--qnh", "nan"), "--qnh nan: must be a number"),
+        (("--temperature-offset", "nan"), "--temperature-offset nan: must be a number"),
     ],
 )
 def test_options_that_do_not_fit_each_other_are_refused_in_a_line(options, text):
