@@ -146,7 +146,7 @@ def specs_of(options: Options) -> list[AircraftSpec]:
 
 
 def _check_together(options: Options) -> None:
-    """See that the options fit each other.
+    """See that the options are numbers where they have to be, and fit each other.
 
     Raises:
         click.BadOptionUsage: they do not.
@@ -163,6 +163,9 @@ def _check_together(options: Options) -> None:
         if options.px4 and is_asked:
             text = f"--{name.replace('_', '-')} is for ArduPilot: PX4 has one scheme, see --imu-rate"
             raise click.BadOptionUsage(name, text)
+    for name, value in (("temperature_offset", options.temperature_offset), ("qnh", options.qnh)):
+        if math.isnan(value):  # which is outside no range
+            raise click.BadOptionUsage(name, f"--{name.replace('_', '-')} nan: must be a number")
     if options.px4 and options.imu_rate % 50:
         raise click.BadOptionUsage("imu_rate", f"--imu-rate {options.imu_rate}: must be a multiple of 50")
     if not options.px4 and given("imu_rate") is COMMANDLINE:

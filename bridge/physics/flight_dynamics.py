@@ -30,6 +30,7 @@ from fdm.air.weather import in_weather
 from fdm.clock.events import EventKind, UaEvent
 from fdm.clock.pace import NEVER_NS
 from fdm.clock.status import ClockStatus
+from fdm.errors import ModelDivergedError
 from fdm.exchange.aircraft_spec import AircraftSpec
 from fdm.exchange.called import CalledAutopilot
 from fdm.exchange.exchange import Exchange
@@ -87,6 +88,7 @@ class FlownDynamics:
         placed: tuple[GroundNode | EmitterNode, ...] = (*self._scenario.ground, *self._scenario.emitters)
         self._ground = [(node.node, GroundTrack(self._scenario, node)) for node in placed]
         self._truths: list[TrueState] = []
+        self._ended: set[int] = set()
         self._flush = Every(FLUSH_PERIOD_S)
         self.exchange = self._open(autopilots)
         self.run = self.exchange.run
@@ -177,6 +179,7 @@ class FlownDynamics:
     def _on_event(self, event: UaEvent) -> None:
         node = str(event.ua_id)
         self._report.event(event.sim_time_ns, node, event.kind.value, event.detail)
+        self._see_who_is_left(event)
         if event.kind is EventKind.STALLED:
             self._to.warning(node, f"UA {node}: {event.detail}", event.sim_time_ns)
         why = _WHY_NOT.get(event.kind)
@@ -184,6 +187,19 @@ class FlownDynamics:
             why = "came late: when its autopilot was there is a matter of wall time"
         if why is not None:
             self._report.may_not_repeat(f"UA {node} {why} (at {event.sim_time_ns / 1e9:.2f} s)")
+
+    def _see_who_is_left(self, event: UaEvent) -> None:
+        """Without any UA there are no more ticks.
+
+        Raises:
+            ModelDivergedError: that of the last UA has just diverged.
+        """
+        if event.kind is not EventKind.DIVERGED:
+            self._ended.discard(event.ua_id)
+            return
+        self._ended.add(event.ua_id)
+        if len(self._ended) == len(self._scenario.ua):
+            raise ModelDivergedError(f"no UA is left: UA {event.ua_id}: {event.detail}")
 
 
 def _spec(scenario: Scenario, index: int) -> AircraftSpec:

@@ -59,6 +59,18 @@ class WeatherConfig(Settings):
         shifted = self.temperature_offset_k or self.ground_temperature_c is not None
         return not shifted and self.qnh_hpa == SEA_LEVEL_PRESSURE_HPA
 
+    def check(self, home_alt_amsl_m: float) -> None:
+        """See that the formulas hold at a home.
+
+        Raises:
+            WeatherError: it is outside HOME_RANGE_M, and the atmosphere is not the standard one.
+        """
+        if not self.is_standard and not HOME_RANGE_M[0] <= home_alt_amsl_m <= HOME_RANGE_M[1]:
+            raise WeatherError(
+                f"weather: home is at {home_alt_amsl_m:g} m; temperature and pressure can be set from "
+                f"{HOME_RANGE_M[0]:g} to {HOME_RANGE_M[1]:g} m"
+            )
+
     def offset_k(self, home_alt_amsl_m: float) -> float:
         """Deviation from the standard atmosphere's temperature, K."""
         if self.ground_temperature_c is None:
@@ -98,14 +110,10 @@ def in_weather(airframe: Airframe, weather: WeatherConfig, home: Home) -> Airfra
     Raises:
         WeatherError: home is outside HOME_RANGE_M.
     """
+    alt_amsl_m = home.position.alt_amsl_m
+    weather.check(alt_amsl_m)
     if weather.is_standard:
         return airframe
-    alt_amsl_m = home.position.alt_amsl_m
-    if not HOME_RANGE_M[0] <= alt_amsl_m <= HOME_RANGE_M[1]:
-        raise WeatherError(
-            f"weather: home is at {alt_amsl_m:g} m; temperature and pressure can be set from "
-            f"{HOME_RANGE_M[0]:g} to {HOME_RANGE_M[1]:g} m"
-        )
     air = {
         "atmosphere/delta-T": weather.offset_k(alt_amsl_m) * RANKINE_PER_K,
         "atmosphere/P-sl-psf": weather.sea_level_pressure_hpa(alt_amsl_m) * PSF_PER_HPA,

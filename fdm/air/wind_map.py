@@ -108,12 +108,20 @@ class MapWind:
         return self.wind_map.interpolate(self.wind_map.coordinates(point), clamp=clamp)
 
 
-@lru_cache(maxsize=8)
 def load_wind_map(path: Path) -> WindMap:
     """Read a wind map; several UA share one.
 
     Raises:
         WindError: the file is missing or is no wind map; the text says why.
     """
+    try:
+        changed_ns = path.stat().st_mtime_ns
+    except OSError as error:
+        raise WindError(f"{path}: {error.strerror or error}") from None
+    return _load(path, changed_ns)
+
+
+@lru_cache(maxsize=8)
+def _load(path: Path, _changed_ns: int) -> WindMap:
     grid = grid_of(str(path), read_netcdf(path))
     return WindMap(str(path), grid.axes, grid.origin, grid.ned_mps)

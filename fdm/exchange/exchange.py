@@ -145,7 +145,7 @@ class Exchange:
         return {seat.aircraft.ua_id: seat.port for seat in self._seats.values()}
 
     def counters(self, ua_id: int) -> dict[str, int]:
-        """What UA `ua_id` received and did so far, by reason (fdm.wire.lockstep.Verdict, fdm.exchange.seat)."""
+        """What UA `ua_id` received and did so far, by reason (fdm.wire.lockstep.ServoVerdict, fdm.exchange.seat)."""
         for seat in self._seats.values():
             if seat.aircraft.ua_id == ua_id:
                 return seat.counters()

@@ -52,6 +52,21 @@ class ServoChannel(Settings):
         return self
 
 
+class ChannelValues(dict[int, float]):
+    """What a channel writes to its property, by pulse width in us; each is worked out once."""
+
+    def __init__(self, channel: ServoChannel) -> None:
+        super().__init__({0: channel.no_output})
+        self._channel = channel
+
+    def __missing__(self, pwm_us: int) -> float:
+        channel = self._channel
+        low, high = channel.range
+        value = channel.sign * channel.scale_per_us * (pwm_us - channel.offset_us)
+        self[pwm_us] = value = low if value < low else high if value > high else value
+        return value
+
+
 class JsbsimConfig(Settings):
     """The JSBSim side of an airframe.
 
@@ -61,7 +76,8 @@ class JsbsimConfig(Settings):
             relative to the airframe's file; None = that of the jsbsim package. Engines that are not found there
             come from the jsbsim package.
         min_rate_hz: slowest rate at which the ground contact is stable; slower frames are split into equal
-            steps.
+            steps. Lags, rate limits and integrators of the model's flight control are those of 400 steps per second,
+            or of this rate if it is higher (fdm.model.jsbsim_model).
         properties: values set once, before the initial conditions.
     """
 

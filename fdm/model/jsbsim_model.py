@@ -8,16 +8,17 @@ behind.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 from collections.abc import Callable, Sequence
-from math import atan2, ceil, cos, radians
+from math import atan2, ceil, cos, isfinite, radians
 from pathlib import Path
 
 import jsbsim
 
 from fdm.errors import AirframeError, ModelDivergedError
 from fdm.model.air_point import AirPoint, StaticAir
-from fdm.model.airframe import Airframe, ServoChannel
+from fdm.model.airframe import Airframe, ChannelValues
 from fdm.model.geodesy import LATLON_SCALE_M_PER_DEG, LONGITUDE_SCALE_MIN, Home
 from fdm.model.ground_contact import slowest_stable_rate_hz
 from fdm.model.truth import TrueState, Vector, quaternion_from_euler
@@ -116,13 +117,21 @@ class JsbsimModel:
                 )
             return found
 
+        def set_once(key: str, name: str, value: float) -> None:
+            if not node(name).set_double_value(value):
+                raise AirframeError(
+                    f"airframe {airframe.name}: {key}: JSBSim computes the property {name}, which cannot be set"
+                )
+
+        for channel in airframe.channels:
+            set_once("channels", channel.property, node(channel.property).get_double_value())
         self._drivers = tuple(
-            (channel.channel - 1, node(channel.property).set_double_value, _ChannelValues(channel))
+            (channel.channel - 1, node(channel.property).set_double_value, ChannelValues(channel))
             for channel in airframe.channels
         )
         self._channels_needed = max(channel.channel for channel in airframe.channels)
         for name, value in airframe.jsbsim.properties.items():
-            node(name).set_double_value(value)
+            set_once("jsbsim.properties", name, value)
         self._truth_only = tuple(node(name).get_double_value for name in _TRUTH_ONLY)
         self._north, self._east, self._down = (
             node(f"velocities/v-{axis}-fps").get_double_value for axis in ("north", "east", "down")
@@ -133,7 +142,14 @@ class JsbsimModel:
         self._rate_hz = 0
         self._substeps = 1
         self._last_pwm: Fields = ()
-        self._start()
+        try:
+            self._start()
+        except jsbsim.BaseError as error:
+            _never_end(self._exec)
+            text = " ".join(str(error).split())
+            raise AirframeError(
+                f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model} does not run: {text}"
+            ) from error
         self.sense: Callable[[], tuple[float, ...]] = _make_sense(
             [node(name).get_double_value for name in _SENSED], home, airframe, node
         )
@@ -167,7 +183,8 @@ class JsbsimModel:
                 for _ in range(self._substeps):
                     self._run()
         except Exception as error:  # whatever JSBSim throws ends this UA, and only this one
-            raise ModelDivergedError(f"JSBSim stopped: {error}") from error
+            _never_end(self._exec)
+            raise ModelDivergedError(f"JSBSim stopped: {' '.join(str(error).split())}") from error
 
     def set_wind(self, wind_ned_mps: Vector) -> None:
         """Set the velocity of the air around the UA, m/s, from the next step on."""
@@ -223,7 +240,12 @@ class JsbsimModel:
     def _check_ground_contact(self) -> None:
         config = self._airframe.jsbsim
         file = Path(self._exec.get_aircraft_path()) / config.model / f"{config.model}.xml"
-        needed_hz = slowest_stable_rate_hz(file, self._exec["inertia/mass-slugs"] * SLUG_KG)
+        mass_kg = self._exec["inertia/mass-slugs"] * SLUG_KG
+        if not mass_kg > 0.0:
+            raise AirframeError(
+                f"airframe {self._airframe.name}: {file}: the mass is {mass_kg:g} kg: it has to be above 0"
+            )
+        needed_hz = slowest_stable_rate_hz(file, mass_kg)
         if config.min_rate_hz < needed_hz:
             raise AirframeError(
                 f"airframe {self._airframe.name}: jsbsim.min_rate_hz {config.min_rate_hz:g}: the landing gear of "
@@ -233,8 +255,7 @@ class JsbsimModel:
     def _start(self) -> None:
         """Put the UA at its home and let the gear come to rest."""
         place, initial, model = self._home.position, self._airframe.initial, self._exec
-        rate_hz = max(SETTLE_RATE_HZ, self._airframe.jsbsim.min_rate_hz)
-        model.set_dt(1.0 / rate_hz)
+        rate_hz = _rate_at_load_hz(self._airframe)
         model["ic/terrain-elevation-ft"] = place.alt_amsl_m / FOOT_M
         model["ic/lat-geod-deg"] = place.lat_deg
         model["ic/long-gc-deg"] = place.lon_deg
@@ -245,6 +266,11 @@ class JsbsimModel:
         self._check_ground_contact()
         for _ in range(ceil(initial.settle_s * rate_hz)):
             model.run()
+        if not isfinite(model["position/geod-alt-ft"]):
+            raise AirframeError(
+                f"airframe {self._airframe.name}: JSBSim model {self._airframe.jsbsim.model} left the finite numbers "
+                "as it settled at its home: see its inertia and ground contacts"
+            )
 
 
 def substeps_at(rate_hz: int, min_rate_hz: float) -> int:
@@ -252,11 +278,26 @@ def substeps_at(rate_hz: int, min_rate_hz: float) -> int:
     return max(1, ceil(min_rate_hz / rate_hz))
 
 
+def _never_end(executive: jsbsim.FGFDMExec) -> None:
+    """Keep a model that threw an error: in its destructor JSBSim would throw it again, and the process would abort."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(executive))
+
+
+def _rate_at_load_hz(airframe: Airframe) -> float:
+    """Steps per second at which a model is loaded and settles.
+
+    JSBSim computes the lags, rate limits and integrators of a model's flight control for the step that it has when it
+    loads them, and never anew: steps of another length make them faster or slower by that ratio.
+    """
+    return max(SETTLE_RATE_HZ, airframe.jsbsim.min_rate_hz)
+
+
 def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     console = _Console()
     jsbsim.set_logger(console)
     executive = jsbsim.FGFDMExec(None)
     executive.set_debug_level(0)
+    executive.set_dt(1.0 / _rate_at_load_hz(airframe))
     if airframe.jsbsim.root is not None:
         # Its engine/ stays JSBSim's own: a model keeps engines of its own in aircraft/<model>/Engines.
         executive.set_aircraft_path(str(airframe.jsbsim.root / "aircraft"))
@@ -269,21 +310,6 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
         reason = "; ".join(console.errors[-3:]) or "no reason given"
         raise AirframeError(f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model}: {reason}")
     return executive
-
-
-class _ChannelValues(dict[int, float]):
-    """What a channel writes to its property, by pulse width in us; each is worked out once."""
-
-    def __init__(self, channel: ServoChannel) -> None:
-        super().__init__({0: channel.no_output})
-        self._channel = channel
-
-    def __missing__(self, pwm_us: int) -> float:
-        channel = self._channel
-        low, high = channel.range
-        value = channel.sign * channel.scale_per_us * (pwm_us - channel.offset_us)
-        self[pwm_us] = value = low if value < low else high if value > high else value
-        return value
 
 
 def _make_sense(

@@ -1,4 +1,4 @@
-"""Sees that what a scenario names is there and right: radios, antennas, winds, airframes, own agents."""
+"""Sees that what a scenario names is there and right: radios, antennas, winds, airframes, places, own agents."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
 from bridge.scenario.own_class import clash_of, lineage_of, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
-from bridge.scenario.resolve.flight import airframe_of, wind_of
+from bridge.scenario.resolve.flight import airframe_of, origin_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from
 from bridge.scenario.resolve.sensing import check_antenna
 from channel.access.settings.base import Ideal, Surroundings
@@ -33,7 +33,8 @@ from channel.propagation.air_to_ground import RmaAv, UmaAv
 from channel.routing.settings import router_of
 from channel.validity import OUTSIDE_KEY
 from fdm.air.wind import WindConfig
-from fdm.errors import AirframeError, WindError
+from fdm.errors import AirframeError, WeatherError, WindError
+from fdm.model.geodesy import geodetic_from_ned
 
 NONE_OWN: Final[Mapping[str, RadioConfig]] = MappingProxyType({})
 """Radios of single nodes: there are none."""
@@ -55,6 +56,7 @@ def with_known_names(root: Written, scenario: Scenario) -> Scenario:
         *radios.mistakes,
         *_winds(root, scenario),
         *_airframes(root, scenario),
+        *_places(root, scenario),
         *_classes(root, scenario),
         *_expected(root, scenario),
     ]
@@ -277,6 +279,32 @@ def _airframes(root: Written, scenario: Scenario) -> Iterator[str]:
                 wrong[node.airframe] = str(error)
         if node.airframe in wrong:
             yield _told_of_file(root, ("nodes", index, "airframe"), node.airframe, wrong[node.airframe])
+
+
+def _places(root: Written, scenario: Scenario) -> Iterator[str]:
+    origin = origin_of(scenario.origin)
+    try:
+        scenario.weather.check(origin.alt_amsl_m)
+    except WeatherError as error:
+        yield _told(root, ("origin", "alt_amsl_m"), error)
+    for index, node in enumerate(scenario.nodes):
+        for path, north_m in _norths(node):
+            try:
+                geodetic_from_ned(origin, (north_m, 0.0, 0.0))
+            except ValueError:
+                text = f"{north_m:g} m north of the origin, at {origin.lat_deg:g} degrees, is beyond a pole"
+                yield _told(root, ("nodes", index, *path, "north_m"), text)
+
+
+def _norths(node: NodeConfig) -> Iterator[tuple[Path_, float]]:
+    """How far north a node is placed, with the key of each place."""
+    if isinstance(node, Aircraft):
+        yield ("home",), node.home.north_m
+        return
+    if node.place is not None:
+        yield ("place",), node.place.north_m
+    for index, point in enumerate(node.track):
+        yield ("track", index), point.north_m
 
 
 def _classes(root: Written, scenario: Scenario) -> Iterator[str]:

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from fdm.__main__ import main
+from fdm.model.airframe import AIRFRAMES_DIR
 from fdm.wire.legacy import decode_legacy_state, encode_legacy_servos, legacy_ports
 from fdm.wire.sensor_frame import decode_sensor_frame
 from fdm.wire.servo_packet import ServoPacket, encode_servo_packet
@@ -59,6 +60,23 @@ def test_the_command_explains_a_port_in_use():
         done = run_here("--port", str(port))
     assert done.exit_code == 2
     assert f"UDP port {port}" in done.stderr
+
+
+def test_a_model_that_jsbsim_throws_out_of_is_a_mistake_and_no_crash(tmp_path):
+    shipped = AIRFRAMES_DIR / "jsbsim" / "aircraft" / "f450" / "f450.xml"
+    model = tmp_path / "aircraft" / "mine" / "mine.xml"
+    model.parent.mkdir(parents=True)
+    model.write_text(shipped.read_text().replace("aero/qbar-area", "aero/nope"))
+    airframe = (AIRFRAMES_DIR / "f450.yaml").read_text()
+    (tmp_path / "mine.yaml").write_text(
+        airframe.replace("model: f450", "model: mine").replace("root: jsbsim", "root: .")
+    )
+    done = subprocess.run(
+        command("--airframe", str(tmp_path / "mine.yaml")), capture_output=True, text=True, timeout=WAIT_S
+    )
+    says = r"error: airframe f450: JSBSim model mine does not run: .* The property aero/nope does not exist\n"
+    assert re.fullmatch(says, done.stderr)
+    assert done.returncode == 2
 
 
 def test_the_help_says_how_to_start_ardupilot():
@@ -169,6 +187,8 @@ def test_one_port_is_for_one_ua():
         (("--px4", "--coupling", "parallel"), "--coupling parallel is for ArduPilot"),
         (("--px4", "--imu-rate", "110"), "--imu-rate 110: must be a multiple of 50"),
         (("--imu-rate", "250"), "--imu-rate is for --px4"),
+        (("--qnh", "nan"), "--qnh nan: must be a number"),
+        (("--temperature-offset", "nan"), "--temperature-offset nan: must be a number"),
     ],
 )
 def test_options_that_do_not_fit_each_other_are_refused_in_a_line(options, text):

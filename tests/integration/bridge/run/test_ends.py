@@ -479,6 +479,22 @@ def test_what_flies_and_fails_ends_the_run_with_a_whole_record(
     assert_nothing_is_left(run, children)
 
 
+@pytest.mark.parametrize("processes", ["one", slow("many")])
+def test_a_run_whose_last_ua_leaves_its_wind_map_ends_at_once_and_says_so(
+    start_run: StartRun, processes: str
+) -> None:
+    """Without any UA there are no more ticks."""
+    outside = STILL + "wind: {{preset: shear, map: {{outside: error}}}}\n"  # far from the map
+    run = start_run("--no-mcap", scenario=outside, processes=processes)
+    assert run.finish() == 1
+    assert re.search(
+        r"no UA is left: UA 1: no wind: .*shear.nc: altitude \S+ is outside the map", run.output.decode()
+    )
+    assert [event["node"] for event in run.summary["events"] if event["kind"] == "diverged"] == ["0", "1"]
+    assert (run.summary["ending"], run.summary["sim_duration_s"]) == ("failed", 0.0)
+    assert run.summary["wall_duration_s"] < 30.0
+
+
 @pytest.mark.slow
 def test_one_whose_flight_model_diverges_is_told_and_the_others_fly_on(
     start_run: StartRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

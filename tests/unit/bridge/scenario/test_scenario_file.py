@@ -169,6 +169,63 @@ def test_unknown_airframe_is_named_with_the_known_ones() -> None:
         parse_scenario(TEXT.replace("airframe: f450", "airframe: f451", 1), "x")
 
 
+def at_latitude(lat_deg: float, nodes: str) -> str:
+    return f"""schema: 1
+name: far
+duration_s: 9
+origin: {{lat_deg: {lat_deg}, lon_deg: 20.0, alt_amsl_m: 0.0}}
+radio: disk
+nodes:
+{nodes}
+"""
+
+
+@pytest.mark.parametrize(
+    ("lat_deg", "node", "key", "says"),
+    [
+        (
+            90,
+            "{id: 0, home: {north_m: 20}, agent: {type: still}}",
+            "home",
+            "20 m north of the origin, at 90 ",
+        ),
+        (-89.9999, "{id: 0, home: {north_m: -20}, agent: {type: still}}", "home", "-20 m north"),
+        (90, "{id: g, kind: ground, place: {north_m: 1}, agent: {type: still}}", "place", "1 m north"),
+        (
+            90,
+            "{id: g, kind: ground, agent: {type: still},\n"
+            "     track: [{sim_time_s: 0}, {sim_time_s: 9, north_m: 3}]}",
+            "track.1",
+            "3 m north",
+        ),
+    ],
+)
+def test_a_place_beyond_a_pole_is_named(lat_deg: float, node: str, key: str, says: str) -> None:
+    other = "  - {id: 7, home: {north_m: 0}, agent: {type: still}}\n"
+    text = at_latitude(lat_deg, f"{other}  - {node}")
+    line = line_of("north_m: " + says.split(" m")[0], text)
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, "x")
+    (told,) = str(caught.value).splitlines()
+    assert told.startswith(f"x:{line}: nodes.{node[5]}.{key}.north_m: {says}")
+    assert told.endswith("is beyond a pole")
+
+
+def test_a_place_just_before_a_pole_is_taken() -> None:
+    near = "  - {id: 0, home: {north_m: 11.1}, agent: {type: still}}"
+    assert parse_scenario(at_latitude(89.9999, near), "x").ua[0].home.north_m == 11.1
+
+
+def test_weather_at_a_height_without_formulas_is_named() -> None:
+    high = at_latitude(10, "  - {id: 0, agent: {type: still}}").replace(
+        "alt_amsl_m: 0.0", "alt_amsl_m: 11001"
+    )
+    assert parse_scenario(high, "x").origin.alt_amsl_m == 11001
+    said = r"x:4: origin\.alt_amsl_m: weather: home is at 11001 m; .* from -2000 to 11000 m$"
+    with pytest.raises(ScenarioError, match=said):
+        parse_scenario(high + "weather: {qnh_hpa: 1000}\n", "x")
+
+
 def test_missing_keys_are_all_named() -> None:
     with pytest.raises(ScenarioError) as caught:
         parse_scenario("schema: 1\nname: x\n", "x.yaml")

@@ -1,4 +1,6 @@
+import itertools
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -25,6 +27,15 @@ AXES = {
 }
 UNITS = {"time": "s", "altitude": "m", "y": "m", "x": "m"}
 NAMES = {"u": "eastward_wind", "v": "northward_wind", "w": "upward_air_velocity"}
+
+
+SECONDS = itertools.count(1_700_000_000)
+
+
+def changed(path):
+    """Gives a file that was written a time of its own: two writes may be within one step of the system's clock."""
+    second = next(SECONDS)
+    os.utime(path, (second, second))
 
 
 class Classic:
@@ -109,7 +120,7 @@ def write_map(request, tmp_path):
             own = {"standard_name": standard_name, "units": "m s-1"} | (attributes or {}).get(name, {})
             file.variable(name, order, values, own)
         file.close()
-        load_wind_map.cache_clear()
+        changed(path)
         return path
 
     return write
@@ -134,6 +145,14 @@ def test_a_map_is_exact_at_its_points(write_map):
         where = tuple(axis[i] for axis, i in zip(AXES.values(), index, strict=True))
         expected = (north[index], east[index], -up[index])
         assert wind_map.interpolate(where, clamp=False) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_map_is_read_once_and_anew_when_it_was_written_anew(write_map):
+    path = write_map()
+    first = load_wind_map(path)
+    assert load_wind_map(path) is first
+    assert write_map(change=lambda _, values: values + 1.0) == path
+    assert component(load_wind_map(path), "u") == pytest.approx(component(first, "u") + 1.0)
 
 
 def test_a_map_interpolates_as_scipy_does(write_map):
@@ -388,7 +407,7 @@ def test_broken_files_are_refused_and_nothing_worse(write_map):
     # NetCDF-4 is read in a process of its own, half a second each.
     for content in broken(good, np.random.default_rng(11), 300 if good.startswith(b"CDF") else 9):
         path.write_bytes(content)
-        load_wind_map.cache_clear()
+        changed(path)
         try:
             load_wind_map(path)
         except WindError as error:

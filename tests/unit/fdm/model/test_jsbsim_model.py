@@ -1,4 +1,7 @@
 import math
+import re
+import subprocess
+import sys
 
 import pytest
 
@@ -153,6 +156,110 @@ def test_a_property_that_is_not_there_is_an_airframe_error():
     channel = airframe.channels[0].model_copy(update={"property": "fcs/nope"})
     with pytest.raises(AirframeError, match="has no property fcs/nope"):
         JsbsimModel(airframe.model_copy(update={"channels": (channel,)}), HOME)
+
+
+@pytest.mark.parametrize("name", ["inertia/mass-slugs", "forces/fbz-total-lbs"])
+def test_a_property_that_jsbsim_computes_is_an_airframe_error(name):
+    airframe = load_airframe("f450")
+    jsbsim = airframe.jsbsim.model_copy(update={"properties": {name: 0.1}})
+    with pytest.raises(AirframeError, match=f"jsbsim.properties: JSBSim computes the property {name}"):
+        JsbsimModel(airframe.model_copy(update={"jsbsim": jsbsim}), HOME)
+    channel = airframe.channels[0].model_copy(update={"property": name})
+    with pytest.raises(AirframeError, match=f"channels: JSBSim computes the property {name}"):
+        JsbsimModel(airframe.model_copy(update={"channels": (channel,)}), HOME)
+
+
+def with_model(folder, old, new, **settings):
+    """The f450 with something else in its JSBSim model."""
+    airframe = load_airframe("f450")
+    text = (airframe.jsbsim.root / "aircraft" / "f450" / "f450.xml").read_text()
+    assert old in text
+    place = folder / "aircraft" / "mine" / "mine.xml"
+    place.parent.mkdir(parents=True)
+    place.write_text(text.replace(old, new))
+    jsbsim = airframe.jsbsim.model_copy(update={"model": "mine", "root": folder, **settings})
+    return airframe.model_copy(update={"jsbsim": jsbsim})
+
+
+def with_flight_control(folder, components, min_rate_hz=250.0):
+    """The f450 with one channel, of components of JSBSim's flight control, driven by servo channel 1."""
+    control = f'<flight_control name="mine"><channel name="mine">{components}</channel></flight_control>'
+    old = "<aerodynamics>"
+    airframe = with_model(folder, old, control + old, min_rate_hz=min_rate_hz)
+    channel = airframe.channels[0].model_copy(update={"property": "fcs/aileron-cmd-norm"})
+    return airframe.model_copy(update={"channels": (channel,)})
+
+
+@pytest.mark.parametrize(("rate_hz", "min_rate_hz"), [(400, 250.0), (400, 800.0), (800, 800.0), (250, 500.0)])
+def test_lags_rate_limits_and_integrators_of_a_model_take_the_time_that_they_say(
+    tmp_path, rate_hz, min_rate_hz
+):
+    told = "<input>fcs/aileron-cmd-norm</input>"
+    airframe = with_flight_control(
+        tmp_path,
+        f'<lag_filter name="mine/lag">{told}<c1>5</c1></lag_filter>'
+        f'<actuator name="mine/limited">{told}<rate_limit>0.5</rate_limit></actuator>'
+        f'<integrator name="mine/integral">{told}<c1>1</c1></integrator>',
+        min_rate_hz,
+    )
+    model = JsbsimModel(airframe, HOME)
+    fly(model, packet(2000, rate_hz=rate_hz), 0.2)
+    of = model._exec.get_property_value
+    assert of("mine/lag") == pytest.approx(1 - math.exp(-5 * 0.2), abs=0.5 / rate_hz * 5)
+    assert of("mine/limited") == pytest.approx(0.5 * 0.2, abs=1e-9)
+    assert of("mine/integral") == pytest.approx(0.2, abs=1.0 / rate_hz)
+
+
+def test_a_model_that_jsbsim_cannot_run_is_an_airframe_error(tmp_path):
+    airframe = with_flight_control(
+        tmp_path, '<pure_gain name="mine/gain"><input>mine/nope</input><gain>1</gain></pure_gain>'
+    )
+    with pytest.raises(AirframeError, match=r"JSBSim model mine does not run: .*mine/nope does not exist$"):
+        JsbsimModel(airframe, HOME)
+
+
+LATE = """\
+import gc, sys
+from pathlib import Path
+from fdm.errors import ModelDivergedError
+from fdm.model.airframe import load_airframe
+from fdm.model.geodesy import GeodeticPosition, Home
+from fdm.model.jsbsim_model import JsbsimModel
+
+airframe = load_airframe("f450")
+jsbsim = airframe.jsbsim.model_copy(update={"model": "mine", "root": Path(sys.argv[1])})
+airframe = airframe.model_copy(update={"jsbsim": jsbsim})
+model = JsbsimModel(airframe, Home(GeodeticPosition(47.0, 8.0, 400.0)))
+try:
+    for _ in range(800):
+        model.step((18458, 400, 0, *(1000,) * 16), 400)
+except ModelDivergedError as error:
+    print(error)
+del model
+gc.collect()
+"""
+
+
+def test_a_model_that_throws_in_flight_ends_and_the_process_goes_on(tmp_path):
+    late = "<ifthen> <lt> <property> simulation/sim-time-sec </property> <value> 4 </value> </lt> <value> 0 </value> "
+    late += "<property> aero/nope </property> </ifthen>"
+    with_model(tmp_path, "<property> aero/qbar-area </property>", late)
+    done = subprocess.run([sys.executable, "-c", LATE, str(tmp_path)], capture_output=True, text=True)
+    assert re.fullmatch(r"JSBSim stopped: .* The property aero/nope does not exist\n", done.stdout)
+    assert (done.stderr, done.returncode) == ("", 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("1.4 </emptywt>", "0 </emptywt>", r"mine\.xml: the mass is 0 kg"),
+        ("1.4 </emptywt>", "-1.4 </emptywt>", r"mine\.xml: the mass is -1\.4 kg"),
+        ("0.0190", "0", "model mine left the finite numbers as it settled"),
+    ],
+)
+def test_a_model_without_mass_or_inertia_is_an_airframe_error(tmp_path, old, new, says):
+    with pytest.raises(AirframeError, match=says):
+        JsbsimModel(with_model(tmp_path, old, new), HOME)
 
 
 def test_jsbsims_console_is_silent(capfd):
