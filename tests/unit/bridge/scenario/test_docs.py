@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 import yaml
@@ -64,6 +65,13 @@ def test_the_networks_are_right() -> None:
     it = parse_scenario(text.replace('{type: own, class: "mine.py:Mine"}', "{type: still}"), "docs")
     assert [node.networks for node in it.nodes] == [None, ("main", "mesh"), ("main",)]
     assert not [line for line in plan_of(it).warnings if "no_peer" in line]
+
+
+def test_the_mixed_fleet_of_the_page_on_px4_is_right() -> None:
+    page = (ROOT / "docs" / "how-to" / "px4.md").read_text(encoding="utf-8")
+    (fleet,) = re.findall(r"^    autopilot: px4\n(?:    .*\n)+", page, re.MULTILINE)
+    it = parse_scenario(HEAD + dedent(fleet), "docs")
+    assert [(ua.id, ua.autopilot) for ua in it.ua] == [(0, None), (1, None), (2, "ardupilot")]
 
 
 def test_the_groups_are_right() -> None:
