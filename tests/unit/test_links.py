@@ -1,4 +1,4 @@
-"""Links of the pages beside `docs/`, and pages that code, examples and messages name; Sphinx checks those within."""
+"""Links of all pages, as forges show them, and pages that code, examples and messages name."""
 
 from __future__ import annotations
 
@@ -30,11 +30,15 @@ def headings(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
-@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]),
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
 def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", page.read_text(encoding="utf-8"))
     for target, anchor in links:
-        file = ROOT / target if target else page
+        file = page.parent / target if target else page
         assert file.exists(), target
         assert not anchor or anchor in headings(file), f"{target}#{anchor}"
 

@@ -6,6 +6,7 @@ import selectors
 import socket
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 from dataclasses import replace
@@ -149,6 +150,20 @@ def fly_together(running, frames):
             last[ua_id] = client.receive()
             client.count += 1
     return last
+
+
+def test_the_page_makes_an_exchange_of_eight():
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "fdm.md").read_text(encoding="utf-8")
+    block = page.split("In Python, for a fleet:")[1].split("## The wire")[0]
+    made = (
+        textwrap.dedent(block)
+        .replace("9002 + 10 * i", "0")
+        .replace("exchange.run()", "ports = exchange.ports")
+    )
+    names = {}
+    exec(made, names)
+    names["exchange"].close()
+    assert len(set(names["ports"].values())) == 8
 
 
 def test_a_ua_at_rest_feels_the_ground_from_the_first_frame_on(start):

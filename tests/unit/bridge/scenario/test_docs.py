@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from bridge.scenario.expand.patterns import PATTERNS
 from bridge.scenario.file import parse_scenario, read_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.schema.editor import editor_schema
+from lostlink.plan.plan import plan_of
 
 ROOT = Path(__file__).parents[4]
 TEXT = (ROOT / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
@@ -55,6 +57,21 @@ def test_the_outages_are_right() -> None:
     first = "nodes:\n      - {id: 0, agent: {type: hold, altitude_m: 40}}\n      - {id: 1, radio_off"
     it = parse_scenario(HEAD + block(first), "docs")
     assert [(each.from_s, each.to_s) for each in it.ua[1].radio_off] == [(20, 30), (90, None)]
+
+
+def test_the_networks_are_right() -> None:
+    """Radios of pairs would leave one of the three without a peer."""
+    text = HEAD.replace("radio: moon2020\n", "") + block("radio: wifi-5.8\n    networks:")
+    it = parse_scenario(text.replace('{type: own, class: "mine.py:Mine"}', "{type: still}"), "docs")
+    assert [node.networks for node in it.nodes] == [None, ("main", "mesh"), ("main",)]
+    assert not [line for line in plan_of(it).warnings if "no_peer" in line]
+
+
+def test_the_mixed_fleet_of_the_page_on_px4_is_right() -> None:
+    page = (ROOT / "docs" / "how-to" / "px4.md").read_text(encoding="utf-8")
+    (fleet,) = re.findall(r"^    autopilot: px4\n(?:    .*\n)+", page, re.MULTILINE)
+    it = parse_scenario(HEAD + dedent(fleet), "docs")
+    assert [(ua.id, ua.autopilot) for ua in it.ua] == [(0, None), (1, None), (2, "ardupilot")]
 
 
 def test_the_groups_are_right() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,6 +143,20 @@ def test_a_stream_down_is_as_fast_as_by_the_firmwares_own_code(name: str) -> Non
         assert 0.99 * least < seen < 1.01 * most
         room_bytes_per_s = world.frames[1, "data"] * mode.data_bytes / duration_s(mode)
         assert room_bytes_per_s == pytest.approx(ROOM_BYTES_PER_S[name], rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["lora-150", "lora-50", "900-25"])
+def test_the_page_has_what_is_carried_in_its_time(name: str) -> None:
+    """docs/reference/air.md: room by the firmware's figure, user bytes in it, carried down and up in 200 s."""
+    page = (Path(__file__).parents[4] / "docs" / "reference" / "air.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\| `{name}` \| (\d+) \| (\d+) \| (\d+) \| (\d+) \|$", page, re.MULTILINE)
+    _, user, down, up = map(int, row)
+    mode = ELRS_MODES[name]
+    assert user == pytest.approx(mode.user_bytes_per_s, abs=0.51)
+    for node, figure in ((1, down), (0, up)):
+        assert figure == pytest.approx(
+            carried(Elrs(PlainWorld((0, 1)), ElrsSettings(mode)), node, 200), abs=0.51
+        )
 
 
 @pytest.mark.parametrize("name", ["lora-333-full", "900-100-full"])

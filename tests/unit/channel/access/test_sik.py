@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from statistics import mean, median
 
 import numpy as np
@@ -15,6 +17,8 @@ from channel.access.media.sik_stream import ByteStream
 from channel.access.media.sik_timing import NOMINAL_TICK_NS, hop_order, sik_timing
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome
 from channel.access.queue import QueueLimits
+from channel.access.settings.base import Locking
+from channel.access.settings.sik import SikMedium
 from channel.access.world import AirFrame, Arrival, PlainWorld
 
 MS, S = 1_000_000, 1_000_000_000
@@ -32,6 +36,15 @@ TABLE = [
     (64, True, 288, 6.5, 111.6, 236.2, 2846, 1485),
     (128, True, 160, 3.8, 62.3, 132.2, 5283, 2715),
 ]
+
+
+def test_the_settings_of_the_page_are_keys_of_a_scenario() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "reference" / "air.md").read_text(encoding="utf-8")
+    table = page.split("| setting | default |")[1].split("\n\n")[0]
+    keys = {
+        key for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for key in re.findall(r"\w+", row)
+    }
+    assert keys == SikMedium.model_fields.keys() - Locking.model_fields.keys() - {"model", "pairs", "units"}
 
 
 class Watched(PlainWorld):

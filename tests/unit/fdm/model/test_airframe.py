@@ -1,3 +1,5 @@
+import re
+
 import pytest
 import yaml
 
@@ -39,6 +41,20 @@ def test_an_unknown_name_lists_the_known_ones():
 def test_a_missing_file_is_named():
     with pytest.raises(AirframeError, match=r"no airframe file .*nowhere\.yaml"):
         load_airframe("/nowhere.yaml")
+
+
+def test_the_page_has_what_a_misspelt_key_of_its_example_is_told_as(tmp_path, monkeypatch):
+    root = AIRFRAMES_DIR.parents[1]
+    example = (root / "examples" / "airframe" / "mini.yaml").read_text()
+    page = (root / "docs" / "reference" / "fdm-airframes.md").read_text()
+    lines = re.findall(r"^ *(?:error: )?(mini\.yaml:.*?)(?:, \.\.\.)?$", page, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mini.yaml").write_text(example.replace("{channel: 4", "{channl: 4"))
+    with pytest.raises(AirframeError) as told:
+        load_airframe("mini.yaml")
+    found = str(told.value).splitlines()
+    assert len(found) == len(lines) == 2
+    assert all(map(str.startswith, found, lines))
 
 
 def test_an_unknown_key_is_named_with_file_and_line(tmp_path, f450_data):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,19 @@ def test_the_same_radio_and_seed_are_said_to_be_the_same(run: Path) -> None:
     assert "all 300 fates are the same, with their powers and error rates" in result.stdout
     assert "0 -> 1" in result.stdout
     assert result.stdout.splitlines()[-1].startswith(("pass: ", "no verdict: "))
+
+
+def test_the_page_says_how_python_sees_it(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (Path(__file__).parents[4] / "docs" / "how-to" / "replay.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    exec(
+        re.sub(r"^(result\..*?)  #", r"print(\1)  #", block.replace("runs/A", str(run)), flags=re.MULTILINE),
+        {},
+    )
+    shown = capsys.readouterr().out
+    assert "received_power_dbm: double" in shown
+    assert "LinkChange(tx='0', rx='1'" in shown
+    assert "Check(name='certain fates'" in shown
 
 
 def test_a_summary_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
