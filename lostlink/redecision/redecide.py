@@ -35,6 +35,7 @@ from bridge.record.tables.parquet import array_of
 from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
+from bridge.run.access import place_of
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import channels_of, medium_settings
@@ -139,7 +140,7 @@ def redecide(
     """Decide every recorded transmission of a run anew, from the recorded positions.
 
     Args:
-        run: directory of a run, finished or killed.
+        run: directory of a run, finished or killed, or its name in `runs/`.
         radio: of the network `main`: a preset's name, a file or a mapping, as in a scenario; the run's own unless
             given. A node that has a radio of its own keeps it, and so do the other networks.
         seed: of all draws; the run's own unless given.
@@ -151,8 +152,8 @@ def redecide(
     """
     asked: dict[str, Any] = {} if seed is None else {"seed": seed}
     asked |= {} if radio is None else {"radio": as_seen_from_here(radio)}
-    scenario = with_changes(scenario_of(Path(run)), asked)
-    return decide(Path(run), scenario, on_progress)
+    directory = place_of(run) or Path(run)
+    return decide(directory, with_changes(scenario_of(directory), asked), on_progress)
 
 
 def as_seen_from_here(radio: str | dict[str, Any]) -> str | dict[str, Any]:

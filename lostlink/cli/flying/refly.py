@@ -17,6 +17,7 @@ from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_asked
+from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.told import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
@@ -30,7 +31,7 @@ EXIT_INTERRUPTED = 130
 
 
 @click.command(short_help="Fly a recorded run again and compare.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),

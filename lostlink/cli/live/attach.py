@@ -8,13 +8,14 @@ from pathlib import Path
 import click
 
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.run_path import RunPath
 
 CANNOT_ATTACH = 125
 """As of env, nohup and docker: it is not the program that failed."""
 
 
 @click.command(short_help="Run a program whose only network is a node's radio.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--node", required=True, metavar="ID", help="The node whose radio it is.")
 @click.option(
     "--radio", default="main", show_default=True, metavar="NAME", help="Which of the node's radios."

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
 from lostlink.flight.signals import ending_signals
 
@@ -55,7 +56,7 @@ FAILED = 1
 )
 @click.option(
     "--run",
-    type=click.Path(path_type=Path),
+    type=RunPath(),
     help="The link of two nodes of a recorded run: its radio, their places over time, its seed.",
 )
 @click.option(

@@ -12,10 +12,11 @@ from bridge.bus.identity.roster import OBSERVER, OPERATOR, node_identity
 from bridge.bus.keys import Keys
 from bridge.run.access import Access, NoAccess, access_of
 from lostlink.cli.exits import fail
+from lostlink.cli.run_path import RunPath
 
 
 @click.command(short_help="Print what a program of yours needs to join a running simulation.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--node", metavar="ID", help="Act for this node: its packets, state and commands.")
 @click.option("--operator", is_flag=True, help="Command all aircraft, and look at everything.")
 @click.option("--observer", is_flag=True, help="Look only: the password is the same in every run.")

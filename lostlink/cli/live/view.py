@@ -13,9 +13,10 @@ from aps.api.guard import TOKEN_VARIABLE, ApiConfig
 from aps.logs.printable import PrintableForm
 from bridge.bus.session import SessionError
 from bridge.record.tables.truth import TRUTH
-from bridge.run.access import RUNS, place_of
+from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
+from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
 from lostlink.view.beside import PORT, NoView, check_installed
 
@@ -26,7 +27,7 @@ NO_CONTROL = (
 
 
 @click.command(short_help="Look at a run in the browser, running or recorded.")
-@click.argument("run", required=False, type=click.Path(path_type=Path))
+@click.argument("run", required=False, type=RunPath())
 @click.option(
     "--control", is_flag=True, help="Viewers may command aircraft; each command is asked about first."
 )
@@ -109,7 +110,7 @@ def is_running(run: RunDirectory) -> bool:
 
 def _directory(run: Path | None) -> Path:
     if run is not None:
-        return place_of(run) or run
+        return run
     running = live_runs(RUNS)
     if not running:
         fail(f"no run goes on in {RUNS}/; start one with `lostlink run`, or name one", 1)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bridge.run.access import place_of
 from lostlink.cli.exits import fail
+from lostlink.cli.run_path import RunPath
 from lostlink.cli.shown_table import print_table
 from lostlink.compare.told import CompareProgress, as_plain, as_text
 from lostlink.flight.say import say
@@ -19,11 +19,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 EXIT_DIFFERENT = 1
-RUN_PATH = click.Path(path_type=Path)
 
 
 @click.command(short_help="Find the first difference between two runs, or put runs side by side.")
-@click.argument("runs", type=RUN_PATH, nargs=-1, required=True)
+@click.argument("runs", type=RunPath(), nargs=-1, required=True)
 @click.option("--metrics", is_flag=True, help="Also put two runs side by side, or one alone.")
 @click.option(
     "--html", type=click.Path(path_type=Path, dir_okay=False), help="Write the table as a page there."
@@ -63,7 +62,7 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
     from lostlink.compare.summary import mistakes_in_summary
 
     try:
-        run_a, run_b = (place_of(run) or run for run in runs)
+        run_a, run_b = runs
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
         settings = {} if comparison.difference is None else _settings(runs)
         forged = {str(run): mistakes for run in (run_a, run_b) if (mistakes := mistakes_in_summary(run))}

@@ -10,11 +10,12 @@ import click
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.records.mcap_options import changed, mcap_options
+from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")
-@click.argument("run", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("run", type=RunPath(exists=True, file_okay=False))
 @click.option("--csv", "as_csv", is_flag=True, help="Write a CSV of each table, and logged.csv.")
 @click.option(
     "--parquet",

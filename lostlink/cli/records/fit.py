@@ -10,6 +10,7 @@ import click
 from channel.cli.fit_command import FitRequest, fit_options, run_fit
 from channel.cli.options import BadInput
 from channel.config import RadioConfig
+from lostlink.cli.run_path import RunPath
 
 if TYPE_CHECKING:
     from aps.logs.flight_log import LoggedPlace
@@ -19,7 +20,7 @@ AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=RunPath())
 @click.argument("sent", required=False, type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--sender", "sender_sysid", type=click.IntRange(1, 255), help="MAVLink system of the sender.")
 @click.option(

@@ -11,6 +11,7 @@ import click
 
 from bridge.scenario.file import read_scenario
 from lostlink.cli.exits import fail
+from lostlink.cli.run_path import RunPath
 from lostlink.expectations.judge import Judgement
 from lostlink.expectations.judge import judge as judge_run
 from lostlink.flight.exits import UNEXPECTED
@@ -19,7 +20,7 @@ from lostlink.reading.run import load_run
 
 
 @click.command(short_help="See whether a recorded run shows what a scenario expects.")
-@click.argument("run", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("run", type=RunPath(exists=True, file_okay=False))
 @click.argument("scenario", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: a list as expectations in summary.json.")
 def judge(run: Path, scenario: str | None, as_json: bool) -> None:

@@ -16,6 +16,7 @@ from bridge.scenario.model import Scenario
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
+from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import setting_options
 from lostlink.cli.shown_table import print_table
 from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="Decide a run's transmissions anew, by another radio, and compare.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--seed", type=int, help="Seed of all draws; the run's own unless given.")
 @setting_options
 @click.option(

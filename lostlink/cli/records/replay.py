@@ -20,6 +20,7 @@ from bridge.run.every import Every
 from bridge.run.process import on_stop_signal
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.number_or_word import SPEED
+from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ EXIT_USAGE = 2
 
 
 @click.command(short_help="Publish a recorded run on Zenoh again.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option("--speed", type=SPEED, default=1.0, show_default=True, help="Real-time factor, or max.")
 @click.option("--from", "begin_s", type=float, metavar="SECONDS", help="Sim time to begin at.")
 @click.option("--to", "end_s", type=float, metavar="SECONDS", help="Sim time to end at.")

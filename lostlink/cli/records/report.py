@@ -13,6 +13,7 @@ from bridge.run.every import Every
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
+from lostlink.cli.run_path import RunPath
 from lostlink.flight.exits import DISAGREES
 from lostlink.flight.say import say
 
@@ -20,7 +21,7 @@ REPORT_FILE = "report.html"
 
 
 @click.command(short_help="Write what a run shows as one page, or as JSON.")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=RunPath())
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),

@@ -19,6 +19,7 @@ from lostlink.cli import main as command
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.flight import Flight
 from tests.unit.bridge.record.runs import make_run
+from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 
 @pytest.mark.parametrize("name", ["redecide", "replay", "report"])
@@ -27,6 +28,19 @@ def test_a_directory_that_is_no_run_is_told(name: str, tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert f"{tmp_path / 'nosuch'} is not the directory of a run (it has no scenario.yaml)" in done.output
     assert "Errno" not in done.output
+
+
+@pytest.mark.parametrize(
+    "words", ["redecide A", "report A", "judge A", "export A --csv", "compare A A", "compare A --metrics"]
+)
+def test_a_run_may_be_named_by_its_name_in_runs(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runs").mkdir()
+    flown(tmp_path / "runs" / "A", scenario_of("moon2020", ("0", "1")), 5)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(command.lostlink, words.split(), standalone_mode=False)
+    assert done.exit_code == 0, done.output
 
 
 NO_SCENARIOS = {
