@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from math import isfinite
+from math import inf, isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -150,7 +150,7 @@ class CommandProtocol:
 
     def _change_speed(self, request: Request) -> Result:
         kind, speed_mps, _, _ = request.parameters
-        if kind not in SPEED_KINDS or not speed_mps > 0.0:
+        if kind not in SPEED_KINDS or not 0.0 < speed_mps < inf:
             return Result.DENIED
         if self._vehicle.mode.number not in (ModeNumber.GUIDED, ModeNumber.AUTO, ModeNumber.RTL):
             return Result.FAILED

@@ -310,11 +310,12 @@ def test_speed_changes(ready: Bench) -> None:
     assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 7.0
     assert results(ready.command(178, 1, 0)) == [(178, 2)]
     assert [results(ready.command(178, kind, 3 + kind)) for kind in (2, 3)] == [[(178, 0)]] * 2
-    assert speeds(ready) == (7.0, 5.0, 6.0)
+    assert speeds(ready) == (7.0, 2.5, 6.0), "in GUIDED the last of climbing and sinking counts"
     assert results(ready.command(178, 0, 50)) == [(178, 0)], "airspeed is taken for ground speed"
-    assert speeds(ready) == (20.0, 5.0, 6.0)
+    assert speeds(ready) == (50.0, 2.5, 6.0)
     assert results(ready.command(178, 4, 3)) == [(178, 2)]
     assert results(ready.command(178, math.nan, 3)) == [(178, 2)]
+    assert results(ready.command(178, 1, math.inf)) == [(178, 2)]
     assert results(ready.command(176, 1, RTL)) == [(176, 0)]
     assert speeds(ready) == (10.0, 2.5, 1.5), "they end with the mode"
 
@@ -397,6 +398,80 @@ def test_a_point_that_moves_a_velocity_ahead_and_the_nose(ready: Bench) -> None:
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.3, abs=0.02)
     ready.run(4.0)
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.02)
+
+
+def local_target(mask: int, *fields: float) -> Any:
+    """SET_POSITION_TARGET_LOCAL_NED: place, velocity, acceleration, yaw, rate of turn."""
+    padded = [*fields, *[0.0] * (11 - len(fields))]
+    return dialect.MAVLink_set_position_target_local_ned_message(0, 7, 1, 1, mask, *padded)
+
+
+POINT, MOVING_POINT, VELOCITY, TURNING_POINT, YAW_THAT_TURNS = 0x0DF8, 0x0DC0, 0x0DC7, 0x05F8, 0x01C7
+
+
+@pytest.mark.parametrize(("yaw_behavior", "yaw_deg"), [(0, 0.0), (1, 90.0), (2, 90.0), (3, 90.0)])
+def test_velocities_are_flown_as_asked_and_the_nose_goes_with_them(
+    ready: Bench, yaw_behavior: int, yaw_deg: float
+) -> None:
+    """Real ArduCopter flew 15 m/s eastwards, and 5 m/s upwards, with WPNAV_SPEED 1000 and WPNAV_SPEED_UP 250."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    vehicle.parameters.set("WP_YAW_BEHAVIOR", yaw_behavior)
+    for _ in range(5):
+        ready.say(local_target(VELOCITY, 0, 0, 0, 0.0, 15.0, -5.0))
+        ready.run(2.0)
+    assert vehicle.navigator.horizontal.east_mps == pytest.approx(15.0, abs=0.05)
+    assert vehicle.navigator.vertical.down_mps == pytest.approx(-5.0, abs=0.05)
+    assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(yaw_deg, abs=0.5)
+
+
+def test_slow_references_turn_no_nose(ready: Bench) -> None:
+    """Real ArduCopter turned for 0.6 m/s, not for 0.3: 5 % of WPNAV_SPEED."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    for east_mps, yaw_deg in ((0.45, 0.0), (0.55, 90.0)):
+        for _ in range(3):
+            ready.say(local_target(VELOCITY, 0, 0, 0, 0.0, east_mps))
+            ready.run(2.0)
+        assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(yaw_deg, abs=0.5), east_mps
+
+
+def test_in_guided_speeds_are_of_the_kind_of_target(ready: Bench) -> None:
+    """As real ArduCopter flew: DO_CHANGE_SPEED, then another kind of target, and it is at WPNAV_SPEED again."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+
+    def asked(mask: int, *fields: float) -> tuple[float, float, float]:
+        ready.say(local_target(mask, *fields))
+        return speeds(ready)
+
+    assert results(ready.command(178, 1, 3.0)) == [(178, 0)]
+    assert asked(POINT, 50.0, 0, -20.0) == (10.0, 2.5, 1.5), "of the point"
+    assert results(ready.command(178, 1, 3.0)) == [(178, 0)]
+    assert asked(POINT, 0.0, 0, -20.0) == (3.0, 2.5, 1.5), "a point as before"
+    vehicle.parameters.set("WPNAV_SPEED", 400.0)
+    assert asked(POINT, 50.0, 0, -20.0) == (3.0, 2.5, 1.5)
+    assert asked(VELOCITY, 0, 0, 0, 8.0) == (4.0, 2.5, 1.5)
+    vehicle.parameters.set("WPNAV_SPEED", 500.0)
+    assert asked(VELOCITY, 0, 0, 0, 8.0) == (4.0, 2.5, 1.5)
+    assert asked(POINT, 0.0, 0, -20.0) == (5.0, 2.5, 1.5)
+    assert asked(MOVING_POINT, 0.0, 0, -20.0, 1.0) == (5.0, 2.5, 1.5)
+    ready.command(178, 1, 3.0)
+    assert speeds(ready)[0] == 3.0
+    ready.say(local_target(0x0FFF))
+    assert speeds(ready)[0] == 5.0, "it was stopped, and that begins anew"
+
+
+def test_a_point_moves_up_too_and_turns_end(ready: Bench) -> None:
+    """With GUID_TIMEOUT; real ArduCopter climbed 3 m at 1 m/s, and turned 64 degrees at 20 degrees per second."""
+    navigator = in_the_air(ready).autopilot.vehicle.navigator
+    ready.say(local_target(MOVING_POINT, 0, 0, -20.0, 2.0, 0, -1.0))
+    ready.run(6.0)
+    assert navigator.target_ned_m() == pytest.approx((6.0, 0.0, -23.0), abs=0.1)
+    assert navigator.vertical.down_m == pytest.approx(-23.0, abs=0.1)
+    for mask, turned_deg in ((TURNING_POINT, 60.0), (YAW_THAT_TURNS, 90.0 + 60.0)):
+        navigator.restart_yaw(ready.autopilot.vehicle.frame)
+        ready.say(local_target(mask, 0, 0, -20.0, 0, 0, 0, 0, 0, 0, math.pi / 2.0, math.radians(20.0)))
+        ready.run(6.0)
+        assert math.degrees(navigator.yaw_rad) == pytest.approx(turned_deg, abs=10.0), mask
+        assert navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -606,7 +681,9 @@ def test_parameter_read_and_set(ready: Bench) -> None:
     answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", 650.0, 9))
     assert [(m.param_id, m.param_value, m.param_type) for m in answer] == [("WPNAV_SPEED", 650.0, 9)]
     ready.run(0.1)
-    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 6.5
+    assert speeds(ready)[0] == 10.0, "in GUIDED it counts from the next kind of target on"
+    ready.command(176, 1, RTL)
+    assert speeds(ready)[0] == 6.5
     assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", math.nan, 9)) == []
     assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"NOPE", 1.0, 9)) == []
     assert read("WPNAV_SPEED") == [650.0]
