@@ -57,6 +57,8 @@ class StandinVehicle:
         self.uptime_s = 0.0
         """Sensor time since the first frame."""
         self.armed = False
+        self.armed_yaw_rad = 0.0
+        """Where the nose was at arming."""
         self.landed = True
         self.taking_off = self.landing = False
         self.mode: FlightMode = Stabilize()
@@ -184,6 +186,7 @@ class StandinVehicle:
                 self.say(Severity.CRITICAL, f"Arm: {failure}")
             return False
         self.armed = self.landed = True
+        self.armed_yaw_rad = self.attitude_rad[2]
         self.drive = Drive.IDLE
         self._idle_since_ns = self.sim_time_ns
         self._set_home()

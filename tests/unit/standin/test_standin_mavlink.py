@@ -1042,6 +1042,41 @@ def test_the_height_of_the_return(
     assert vehicle.navigator.depth_m == pytest.approx(-height_m, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("yaw_behavior", "way_deg", "home_deg"), [(0, 0, 0), (1, 180, 0), (2, 0, 0), (3, 180, 0)]
+)
+def test_the_nose_on_the_way_home(ready: Bench, yaw_behavior: int, way_deg: float, home_deg: float) -> None:
+    """As real ArduCopter turned: homewards, and at home to where it was at arming."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    vehicle.parameters.set("WP_YAW_BEHAVIOR", yaw_behavior)
+    vehicle.parameters.set("RTL_LOIT_TIME", 0)
+    ready.pose = {"position": [90.0, 0.0, -20.0]}
+    ready.turn()
+    ready.command(176, 1, RTL)
+    ready.run(8.0)
+    assert abs(math.degrees(vehicle.navigator.yaw_rad)) == pytest.approx(way_deg, abs=1.0)
+    ready.pose = {"position": [0.0, 0.0, -20.0]}
+    if way_deg:
+        for _ in range(2000):
+            ready.turn(quaternion=[0.0, 0.0, 0.0, 1.0])
+        assert not vehicle.landing, "it waits for its nose"
+    ready.run(0.1)
+    assert vehicle.landing
+    assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(home_deg, abs=1.0)
+
+
+def test_a_missions_speed_ends_with_its_way_home(ready: Bench) -> None:
+    """RTL_SPEED 0 is WPNAV_SPEED: real ArduCopter flew home at 7 m/s after a speed of 3."""
+    slow = item(1, 178, frame=2, parameters=(1, 3.0, 0, 0))
+    upload(ready, [item(0), slow, item(2, 19), item(3, 20, frame=2)])
+    in_the_air(ready)
+    ready.pose = {"position": [0.0, 0.0, -20.0]}
+    ready.command(176, 1, AUTO)
+    ready.run(1.0)
+    assert ready.autopilot.vehicle.mission.current == 3
+    assert speeds(ready)[0] == 10.0
+
+
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:
     in_the_air(ready)
     vehicle = ready.autopilot.vehicle
