@@ -116,10 +116,13 @@ class CommandProtocol:
             return Result.FAILED
         return Result.ACCEPTED
 
-    def _start_mission(self, _: Request) -> Result:
+    def _start_mission(self, request: Request) -> Result:
+        if any(request.parameters[:2]):  # from one item to another: ArduCopter cannot
+            return Result.DENIED
         result = self._enter(ModeNumber.AUTO)
-        if isinstance(self._vehicle.mode, Auto):
-            self._vehicle.mode.started = True
+        mode = self._vehicle.mode
+        if isinstance(mode, Auto):
+            mode.start(self._vehicle)
         return result
 
     def _set_mission_current(self, request: Request) -> Result:

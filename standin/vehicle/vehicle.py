@@ -203,6 +203,7 @@ class StandinVehicle:
             self.armed = self.taking_off = self.landing = False
             self.landed = True
             self.drive = Drive.IDLE
+            self.mission.rewind()
             self._command((0.0,) * self.motor_count)
             self.say(Severity.INFO, "Disarming motors")
             self.tell(ModeChanged())
@@ -220,6 +221,7 @@ class StandinVehicle:
         if refusal:
             self.say(Severity.WARNING, f"Mode change to {mode.name} failed: {refusal}")
             return False
+        self.mission.end(complete=False)
         self.mode = mode
         self.taking_off = self.landing = False
         self.forget_speeds()

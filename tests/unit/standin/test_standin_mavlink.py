@@ -948,7 +948,14 @@ def test_a_mission_that_is_cleared_in_flight_leaves_the_way_home_open(ready: Ben
     in_the_air(ready)
     assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
     ready.run(0.5)
-    ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))
+
+    def cleared() -> list[int]:
+        return [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))]
+
+    assert cleared() == [dialect.MAV_MISSION_ERROR], "while it is flown"
+    assert len(ready.autopilot.vehicle.mission) == 2
+    ready.command(176, 1, GUIDED)
+    assert cleared() == [dialect.MAV_MISSION_ACCEPTED]
     for mode in (RTL, 9, GUIDED, AUTO):
         answer = ready.command(176, 1, mode)
         assert results(answer) == [(176, 4 if mode == AUTO else 0)], mode
@@ -961,15 +968,133 @@ def test_a_mission_that_ends_with_a_setting_completes(ready: Bench) -> None:
     ready.command(511, 42, 100_000)
     assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
     ready.run(1.0)
-    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
-    told = [m for m in ready.heard if m.get_type() == "MISSION_CURRENT"][-1]
-    assert (told.seq, told.total, told.mission_state) == (2, 2, dialect.MISSION_STATE_COMPLETE)
+    assert reached(ready) == [1]
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
     # Entered again, a mission that is complete begins anew.
     ready.heard.clear()
     ready.command(176, 1, GUIDED)
     ready.command(176, 1, AUTO)
     ready.run(1.0)
-    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+    assert reached(ready) == [1]
+
+
+def reached(bench: Bench) -> list[int]:
+    return [m.seq for m in bench.heard if m.get_type() == "MISSION_ITEM_REACHED"]
+
+
+def current(bench: Bench) -> tuple[int, int, int]:
+    """Number, state of the mission, and whether AUTO flies."""
+    (told,) = [m for m in bench.command(512, 42) if m.get_type() == "MISSION_CURRENT"]
+    return told.seq, told.mission_state, told.mission_mode
+
+
+def test_a_setting_hides_the_item_before_it(ready: Bench) -> None:
+    """Real ArduCopter says of loiter 1, speeds 2 and 3, and loiter 4 that 2, 3 and 4 were reached."""
+    speeds_on = [item(seq, 178, frame=2, parameters=(1, 5.0, 0, 0)) for seq in (2, 3)]
+    upload(ready, [item(0), item(1, 19), *speeds_on, item(4, 19)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(1.0)
+    assert reached(ready) == [2, 3, 4]
+    assert [text for text in texts(ready.heard) if text.startswith("Reached")] == [
+        "Reached command #1",
+        "Reached command #4",
+    ]
+
+
+def test_a_mission_that_is_stopped_goes_on_where_it_was_also_another(ready: Bench) -> None:
+    """As real ArduCopter: an upload neither starts a mission nor sends it back to its start."""
+    far = [item(seq, lat=450_000_000 + 20_000 * seq) for seq in (1, 2, 3)]
+    upload(ready, [item(0), item(1, 19), *far[1:]])
+    in_the_air(ready)
+    assert current(ready) == (0, dialect.MISSION_STATE_NOT_STARTED, 0)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (2, dialect.MISSION_STATE_ACTIVE, 1)
+    ready.command(176, 1, GUIDED)
+    assert current(ready) == (2, dialect.MISSION_STATE_NOT_STARTED, 0)
+    upload(ready, [item(0), *far])
+    assert current(ready)[0] == 2
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (2, dialect.MISSION_STATE_ACTIVE, 1)
+    vehicle = ready.autopilot.vehicle
+    assert vehicle.navigator.target_ned_m()[0] == pytest.approx(445.3, abs=0.1)
+    answer = upload(ready, [item(0), far[0], item(2, lat=450_010_000), far[2]])
+    assert "Auto mission changed, restarted command" in texts([*answer, *ready.run(0.1)])
+    assert vehicle.navigator.target_ned_m()[0] == pytest.approx(111.3, abs=0.1)
+    ready.command(224, 3)
+    ready.run(0.1)
+    assert current(ready)[0] == 3
+    ready.command(176, 1, GUIDED)
+    upload(ready, [item(0), far[0]])
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready)[0] == 1, "there is no third item any more"
+
+
+def test_a_mission_that_is_complete_waits_for_auto(ready: Bench) -> None:
+    """Another mission, or another item of it, is not flown before: real ArduCopter stayed where it was."""
+    upload(ready, [item(0), item(1, 19)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
+    ready.heard.clear()
+    upload(ready, [item(0), item(1, 19), item(2, 19)])
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
+    ready.command(224, 0)
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_NOT_STARTED, 1), "home stands for the first item"
+    assert reached(ready) == []
+    ready.command(224, 2)
+    assert results(ready.command(300)) == [(300, 0)]
+    ready.run(0.1)
+    assert reached(ready) == [2]
+
+
+@pytest.mark.parametrize(
+    ("commands", "told", "state"),
+    [
+        pytest.param((22, 21), [1], (1, dialect.MISSION_STATE_ACTIVE, 1), id="LAND"),
+        pytest.param((22, 21, 16, 21), [1], (1, dialect.MISSION_STATE_ACTIVE, 1), id="LAND and more"),
+        pytest.param((22, 20), [1, 2], (0, dialect.MISSION_STATE_COMPLETE, 1), id="RTL"),
+        pytest.param((22, 20, 16, 21), [1, 2], (1, dialect.MISSION_STATE_ACTIVE, 1), id="RTL and more"),
+    ],
+)
+def test_after_a_landing_a_mission_begins_anew(
+    ready: Bench, commands: tuple[int, ...], told: list[int], state: tuple[int, int, int]
+) -> None:
+    """As real ArduCopter: what is after a landing is not flown; with more after RTL it stands until DISARM_DELAY."""
+    upload(ready, [item(0), *(item(seq, command) for seq, command in enumerate(commands, 1))])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    vehicle = ready.autopilot.vehicle
+    vehicle.landed = True
+    vehicle.mode.touched_ground(vehicle)
+    ready.run(11.0)
+    assert not vehicle.armed
+    assert reached(ready) == told
+    assert current(ready) == state
+    ready.pose = {}
+    ready.command(176, 1, GUIDED)
+    ready.command(400, 1)
+    ready.command(300)
+    ready.run(0.1)
+    assert texts(ready.heard)[-1] == "Mission: 1 Takeoff"
+
+
+def test_auto_leaves_the_ground_by_a_takeoff_alone(ready: Bench) -> None:
+    upload(ready, [item(0), item(1, 178, frame=2), item(2)])
+    ready.command(400, 1)
+    answer = ready.command(300)
+    assert results(answer) == [(300, 4)]
+    assert texts(answer) == ["Auto: Missing Takeoff Cmd", "Mode change to AUTO failed: init failed"]
+    upload(ready, [item(0), item(1, 178, frame=2), item(2, 22)])
+    assert results(ready.command(300, 2)) == [(300, 2)], "it has no first and last item"
+    assert results(ready.command(300)) == [(300, 0)]
 
 
 def without_height(message: Any) -> Any:
