@@ -34,7 +34,7 @@ class Nose(NamedTuple):
 AS_IT_LIKES = Nose()
 
 
-class Target(Enum):
+class GuidedTarget(Enum):
     """What GUIDED flies to."""
 
     TAKEOFF = auto()
@@ -191,13 +191,13 @@ class Guided(FlightMode):
     def __init__(self) -> None:
         self._takeoff: Takeoff | None = None
         self._motion_until_ns: int | None = None
-        self._target: Target | None = None
+        self._target: GuidedTarget | None = None
         self._limits: FlightLimits | None = None
 
     def enter(self, vehicle: StandinVehicle) -> None:
         """Forget what was asked for before."""
         self._takeoff = self._motion_until_ns = self._target = None
-        self._begin(vehicle, Target.VELOCITY)
+        self._begin(vehicle, GuidedTarget.VELOCITY)
 
     def limits(self, limits: FlightLimits) -> FlightLimits:
         """Keep those with which this kind of target began."""
@@ -210,7 +210,7 @@ class Guided(FlightMode):
         if not standing or alt_rel_m <= vehicle.alt_rel_m:
             return False
         down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + alt_rel_m)
-        self._begin(vehicle, Target.TAKEOFF)
+        self._begin(vehicle, GuidedTarget.TAKEOFF)
         self._takeoff = Takeoff(vehicle, down_m)
         return True
 
@@ -224,7 +224,7 @@ class Guided(FlightMode):
         """Fly to a point and hold there, or, for GUID_TIMEOUT, with one that moves; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
-        self._begin(vehicle, Target.POINT if velocity_ned_mps is None else Target.MOVING_POINT)
+        self._begin(vehicle, GuidedTarget.POINT if velocity_ned_mps is None else GuidedTarget.MOVING_POINT)
         north_mps, east_mps, down_mps = velocity_ned_mps or ZERO
         vehicle.navigator.go_to(*position_ned_m[:2], (north_mps, east_mps))
         vehicle.navigator.go_to_depth(position_ned_m[2], down_mps)
@@ -236,7 +236,7 @@ class Guided(FlightMode):
         """Fly a velocity for GUID_TIMEOUT; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
-        self._begin(vehicle, Target.VELOCITY)
+        self._begin(vehicle, GuidedTarget.VELOCITY)
         vehicle.navigator.fly_velocity(velocity_ned_mps[:2])
         vehicle.navigator.fly_sink_rate(velocity_ned_mps[2])
         self._point(vehicle, nose)
@@ -262,7 +262,7 @@ class Guided(FlightMode):
             else:
                 vehicle.navigator.halt_point()
 
-    def _begin(self, vehicle: StandinVehicle, target: Target) -> None:
+    def _begin(self, vehicle: StandinVehicle, target: GuidedTarget) -> None:
         if target is not self._target:
             self._target, self._limits = target, None
             vehicle.forget_speeds()
