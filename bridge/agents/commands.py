@@ -310,14 +310,15 @@ class Commands(ABC):
         *,
         on_feedback: OnFeedback | None = None,
     ) -> None:
-        """Upload a mission, and fly it to its end; the UA has to be armed.
+        """Upload a mission, and fly it from its first item to its end; the UA has to be armed.
 
         Args:
             items: without home; each ``{"command": 16, "params": [7 numbers], "frame": 3}``, see docs/reference/aps.md.
             on_feedback: called with the item that it is at.
         """
         await self.missions.upload(items)
-        await self.missions.fly(on_feedback=on_feedback)
+        # ArduPilot would go on at the number where a mission before was stopped.
+        await self.missions.fly(0, on_feedback=on_feedback)
 
     @property
     def missions(self) -> Missions:

@@ -13,8 +13,8 @@ YAW_RATE_MAX_RADPS = 1.05
 """ATC_SLEW_YAW's default, 60 degrees per second."""
 YAW_ACCEL_MAX_RADPS2 = 2.0
 YAW_GAIN_PER_S = 1.5
-LOOK_AHEAD_MIN_M = 2.0
-"""Nearer targets do not turn the vehicle (ArduPilot's rule for the yaw towards the next waypoint)."""
+LOOK_AHEAD_SHARE = 0.05
+"""Of the speed limit: a slower reference turns no nose (``AC_PosControl::calculate_yaw_and_rate_yaw``)."""
 REFERENCE_LAG_MAX_M = 8.0
 
 
@@ -42,12 +42,14 @@ class Navigator:
         """Velocity of that target, north and east."""
         self.depth_m: float | None = None
         """Down of the target, or None when a climb rate is flown."""
+        self.depth_mps = 0.0
+        """Velocity of that target, down."""
         self.velocity_mps = (0.0, 0.0)
         """North and east wanted."""
         self.sink_mps = 0.0
         self.yaw_target_rad = 0.0
         """Where the nose is turning to."""
-        self._turn_radps = 0.0
+        self._turn_radps = self._target_radps = 0.0
         self._look_ahead = False
 
     def start(self, frame: SensedFrame) -> None:
@@ -80,9 +82,9 @@ class Navigator:
         """Fly to a point, horizontally, and with it if it moves."""
         self.point_m, self.point_mps = (north_m, east_m), point_mps
 
-    def go_to_depth(self, down_m: float) -> None:
-        """Climb or sink to a height, given as metres down from the origin."""
-        self.depth_m = down_m
+    def go_to_depth(self, down_m: float, down_mps: float = 0.0) -> None:
+        """Climb or sink to a height, given as metres down from the origin, and with it if it moves."""
+        self.depth_m, self.depth_mps = down_m, down_mps
 
     def fly_velocity(self, velocity_mps: tuple[float, float]) -> None:
         """Fly a horizontal velocity, north and east."""
@@ -96,28 +98,30 @@ class Navigator:
 
     def halt_point(self) -> None:
         """Let the target point stand where it is now."""
-        self.point_mps = (0.0, 0.0)
+        self.point_mps, self.depth_mps = (0.0, 0.0), 0.0
 
     def hold_yaw(self) -> None:
         """Stop turning."""
         self.turn_to(self.yaw_rad)
 
-    def turn_to(self, yaw_rad: float) -> None:
-        """Turn to a yaw and keep it."""
-        self.yaw_target_rad, self._turn_radps, self._look_ahead = yaw_rad, 0.0, False
+    def turn_to(self, yaw_rad: float, target_radps: float = 0.0) -> None:
+        """Turn to a yaw and keep it, or go on with one that turns at a rate."""
+        self.yaw_target_rad, self._target_radps = yaw_rad, target_radps
+        self._turn_radps, self._look_ahead = 0.0, False
 
     def turn_at(self, turn_radps: float) -> None:
         """Turn on and on."""
-        self._turn_radps, self._look_ahead = turn_radps, False
+        self._turn_radps, self._target_radps, self._look_ahead = turn_radps, 0.0, False
 
     def end_turn(self) -> None:
         """Stop turning on, if that is what it does."""
-        if self._turn_radps:
+        if self._turn_radps or self._target_radps:
             self.hold_yaw()
 
     def look_ahead(self) -> None:
-        """Turn towards the target point whenever it is far enough away."""
-        self.yaw_target_rad, self._turn_radps, self._look_ahead = self.yaw_rad, 0.0, True
+        """Turn to where it flies whenever it is fast enough."""
+        self.hold_yaw()
+        self._look_ahead = True
 
     def step(self, frame: SensedFrame, limits: FlightLimits, step_s: float) -> None:
         """Move the references on by ``step_s``."""
@@ -130,11 +134,12 @@ class Navigator:
         if self.depth_m is None:
             self.vertical.step_to_velocity(self.sink_mps, limits.vertical, step_s)
         else:
+            self.depth_m += self.depth_mps * step_s
             self.vertical.step_to_position(
-                self.depth_m, limits.climb_mps, limits.sink_mps, limits.vertical, step_s
+                self.depth_m, limits.climb_mps, limits.sink_mps, limits.vertical, step_s, self.depth_mps
             )
         self._keep_near(frame)
-        self._step_yaw(frame, step_s)
+        self._step_yaw(limits, step_s)
 
     def distance_m(self, frame: SensedFrame) -> float:
         """Return the horizontal distance from the vehicle to the target point (0 without one)."""
@@ -163,12 +168,14 @@ class Navigator:
             self.horizontal.north_m = north_m + share * ahead_north
             self.horizontal.east_m = east_m + share * ahead_east
 
-    def _step_yaw(self, frame: SensedFrame, step_s: float) -> None:
-        if self._look_ahead and self.point_m is not None and self.distance_m(frame) > LOOK_AHEAD_MIN_M:
-            self.yaw_target_rad = self.bearing_rad(frame)
+    def _step_yaw(self, limits: FlightLimits, step_s: float) -> None:
+        north_mps, east_mps = self.horizontal.north_mps, self.horizontal.east_mps
+        if self._look_ahead and hypot(north_mps, east_mps) > LOOK_AHEAD_SHARE * limits.horizontal.speed_mps:
+            self.yaw_target_rad = atan2(east_mps, north_mps)
         if self._turn_radps:
             self.yaw_target_rad = self.yaw_rad + self._turn_radps / YAW_GAIN_PER_S
-        wanted = YAW_GAIN_PER_S * wrapped(self.yaw_target_rad - self.yaw_rad)
+        self.yaw_target_rad += self._target_radps * step_s
+        wanted = YAW_GAIN_PER_S * wrapped(self.yaw_target_rad - self.yaw_rad) + self._target_radps
         wanted = max(-YAW_RATE_MAX_RADPS, min(YAW_RATE_MAX_RADPS, wanted))
         most = YAW_ACCEL_MAX_RADPS2 * step_s
         self.yaw_rate_radps += max(-most, min(most, wanted - self.yaw_rate_radps))

@@ -72,9 +72,8 @@ class HorizontalProfile:
         self.step_to_velocity(wanted, limits, step_s)
 
     def step_to_velocity(self, target_mps: tuple[float, float], limits: Limits, step_s: float) -> None:
-        """Move on for ``step_s`` towards a velocity (north, east; m/s)."""
-        north, east = _shortened(target_mps[0], target_mps[1], limits.speed_mps)
-        missing_north, missing_east = north - self.north_mps, east - self.east_mps
+        """Move on for ``step_s`` towards a velocity (north, east; m/s), which no speed limits."""
+        missing_north, missing_east = target_mps[0] - self.north_mps, target_mps[1] - self.east_mps
         missing = hypot(missing_north, missing_east)
         wanted_north = wanted_east = 0.0
         if missing > 1e-9:
@@ -103,15 +102,23 @@ class VerticalProfile:
         self.down_m, self.down_mps, self.down_mps2 = down_m, down_mps, 0.0
 
     def step_to_position(
-        self, target_m: float, up_mps: float, down_mps: float, limits: Limits, step_s: float
+        self,
+        target_m: float,
+        up_mps: float,
+        down_mps: float,
+        limits: Limits,
+        step_s: float,
+        target_mps: float = 0.0,
     ) -> None:
-        """Move on for ``step_s`` towards a depth; climb and sink at most at the speeds given (>= 0)."""
+        """Move on for ``step_s`` towards a depth, which itself moves at ``target_mps``.
+
+        Climb and sink to it at most at the speeds given (>= 0).
+        """
         distance_m = target_m - self.down_m
         gain = POSITION_GAIN_SHARE * limits.jerk_mps3 / limits.accel_mps2
         speed_mps = approach_speed_mps(abs(distance_m), gain, BRAKING_SHARE * limits.accel_mps2)
-        self.step_to_velocity(
-            min(speed_mps, down_mps) if distance_m > 0.0 else -min(speed_mps, up_mps), limits, step_s
-        )
+        wanted_mps = min(speed_mps, down_mps) if distance_m > 0.0 else -min(speed_mps, up_mps)
+        self.step_to_velocity(target_mps + wanted_mps, limits, step_s)
 
     def step_to_velocity(self, target_mps: float, limits: Limits, step_s: float) -> None:
         """Move on for ``step_s`` towards a velocity down."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from math import isfinite
+from math import inf, isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -116,10 +116,13 @@ class CommandProtocol:
             return Result.FAILED
         return Result.ACCEPTED
 
-    def _start_mission(self, _: Request) -> Result:
+    def _start_mission(self, request: Request) -> Result:
+        if any(request.parameters[:2]):  # from one item to another: ArduCopter cannot
+            return Result.DENIED
         result = self._enter(ModeNumber.AUTO)
-        if isinstance(self._vehicle.mode, Auto):
-            self._vehicle.mode.started = True
+        mode = self._vehicle.mode
+        if isinstance(mode, Auto):
+            mode.start(self._vehicle)
         return result
 
     def _set_mission_current(self, request: Request) -> Result:
@@ -150,7 +153,7 @@ class CommandProtocol:
 
     def _change_speed(self, request: Request) -> Result:
         kind, speed_mps, _, _ = request.parameters
-        if kind not in SPEED_KINDS or not speed_mps > 0.0:
+        if kind not in SPEED_KINDS or not 0.0 < speed_mps < inf:
             return Result.DENIED
         if self._vehicle.mode.number not in (ModeNumber.GUIDED, ModeNumber.AUTO, ModeNumber.RTL):
             return Result.FAILED

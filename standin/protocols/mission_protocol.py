@@ -225,11 +225,18 @@ class MissionProtocol:
             self._send(self._telemetry.mission_current())
 
     def _clear_all(self, message: Message, kind: MissionKind) -> None:
-        """Clear one kind; ArduPilot knows no MAV_MISSION_TYPE_ALL."""
+        """Clear one kind, but no mission that is flown; ArduPilot knows no MAV_MISSION_TYPE_ALL."""
         sender = _sender(message)
-        if self._cancels(sender, kind):
+        if not self._cancels(sender, kind):
+            return
+        result = dialect.MAV_MISSION_ACCEPTED
+        if kind is not MissionKind.MISSION:
             self._store(kind, [])
-            self._acknowledge(sender, dialect.MAV_MISSION_ACCEPTED, kind)
+        elif self._vehicle.armed and self._mission.running:
+            result = dialect.MAV_MISSION_ERROR
+        else:
+            self._mission.clear()
+        self._acknowledge(sender, result, kind)
 
     def _acknowledge(self, sender: Sender, result: int, mission_type: int) -> None:
         self._send(dialect.MAVLink_mission_ack_message(*sender, result, mission_type))

@@ -171,21 +171,19 @@ class TelemetryProtocol:
         )
 
     def mission_current(self) -> Message:
-        """MISSION_CURRENT."""
+        """MISSION_CURRENT; its mode is 1 in AUTO, else 0, as ArduPilot's."""
         vehicle, mission = self._vehicle, self._vehicle.mission
         in_auto = vehicle.mode.name == "AUTO"
         if len(mission) < 2:
             state = dialect.MISSION_STATE_NO_MISSION
         elif mission.complete:
             state = dialect.MISSION_STATE_COMPLETE
-        elif in_auto and vehicle.armed:
+        elif mission.running:
             state = dialect.MISSION_STATE_ACTIVE
-        elif mission.current == 0:
-            state = dialect.MISSION_STATE_NOT_STARTED
         else:
-            state = dialect.MISSION_STATE_PAUSED
+            state = dialect.MISSION_STATE_NOT_STARTED  # also of one that was stopped, as ArduPilot
         total = max(len(mission) - 1, 0)
-        return dialect.MAVLink_mission_current_message(mission.current, total, state, 1 if in_auto else 2)
+        return dialect.MAVLink_mission_current_message(mission.current, total, state, int(in_auto))
 
     def nav_controller_output(self) -> Message:
         """NAV_CONTROLLER_OUTPUT: attitude wanted, bearing and distance to the target."""

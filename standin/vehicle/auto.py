@@ -26,58 +26,108 @@ class Auto(FlightMode):
     needs_mission = True
 
     def __init__(self) -> None:
-        self.started = False
-        """A vehicle on the ground waits for MAV_CMD_MISSION_START."""
+        self._started = self._begun = False
         self._item: StandinItem | None = None
-        self._revision = -1
+        self._revision = 0
         self._held_s = 0.0
         self._arrived = False
         self._takeoff: Takeoff | None = None
         self._return: ReturnSequence | None = None
 
+    def refusal(self, vehicle: StandinVehicle) -> str:
+        """Besides what all modes ask for: a mission that leaves the ground."""
+        refusal = super().refusal(vehicle)
+        mission = vehicle.mission
+        first = mission.next_flown(max(mission.current, 1))
+        if not refusal and vehicle.landed and (first is None or first.command != Command.TAKEOFF):
+            vehicle.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+            refusal = "init failed"
+        return refusal
+
+    def enter(self, vehicle: StandinVehicle) -> None:
+        """Be at the item where the mission was stopped, or at the first."""
+        self._started = self._begun = False
+        self._item = None
+        vehicle.mission.begin()
+
+    def start(self, vehicle: StandinVehicle) -> None:
+        """Leave the ground, for which MAV_CMD_MISSION_START is waited; a mission that is complete begins anew."""
+        if not vehicle.mission.running:
+            self.enter(vehicle)
+        self._started = True
+
     def update(self, vehicle: StandinVehicle, step_s: float) -> None:
         """Go on with the item."""
-        if vehicle.landed and not self.started:
+        mission = vehicle.mission
+        if vehicle.landed and not self._started:
             vehicle.drive = Drive.IDLE
             return
-        self.started = True
-        if self._revision != vehicle.mission.revision:
-            self._revision = vehicle.mission.revision
-            first = 1 if vehicle.mission.complete else max(vehicle.mission.current, 1)
-            vehicle.mission.complete = False
-            self._start_item(vehicle, first)
+        if mission.running and (mission.jumped or not self._begun):
+            self._started, self._begun, mission.jumped = True, True, False
+            self._start_item(vehicle, mission.current)
+        elif self._revision != mission.revision:
+            self._take_changed(vehicle)
+        self._revision = mission.revision
         item = self._item
         if item is not None and self._fly(vehicle, item, step_s):
-            vehicle.tell(ItemReached(item.seq))
-            self._start_item(vehicle, item.seq + 1)
+            self._start_item(vehicle, item.seq + 1, item)
 
     def touched_ground(self, vehicle: StandinVehicle) -> None:
-        """Disarm after a landing that the mission asked for."""
+        """Disarm after LAND, of which ArduCopter does not say that it is reached; after RTL, if that was all."""
         item = self._item
-        if item is not None and item.command in (Command.LAND, Command.RETURN_TO_LAUNCH):
-            vehicle.tell(ItemReached(item.seq))
-            self._item = None
-            vehicle.mission.complete = vehicle.mission.item(item.seq + 1) is None
+        if item is not None and item.command == Command.LAND:
             vehicle.disarm(force=False)
+        elif item is not None and item.command == Command.RETURN_TO_LAUNCH:
+            self._start_item(vehicle, item.seq + 1, item)
 
-    def _start_item(self, vehicle: StandinVehicle, seq: int) -> None:
-        """Begin an item; run those that only set something, up to one that is flown (a mission may end with them)."""
-        while (item := vehicle.mission.item(seq)) is not None:
-            vehicle.mission.current = seq
-            vehicle.say(Severity.INFO, f"Mission: {seq} {_NAMES[item.command]}")
-            if item.command != Command.DO_CHANGE_SPEED:
-                self._begin(vehicle, item)
-                return
-            if item.param2 > 0 and item.param1 in SPEED_KINDS:
-                vehicle.change_speed(SpeedKind(int(item.param1)), item.param2)
-            vehicle.tell(ItemReached(seq))
-            seq += 1
-        self._end(vehicle)
+    def _take_changed(self, vehicle: StandinVehicle) -> None:
+        """Fly to the place that an item has in a mission that was uploaded meanwhile."""
+        item = self._item
+        new = None if item is None else vehicle.mission.item(item.seq)
+        if (
+            item is None
+            or new is None
+            or new == item
+            or item.command not in (Command.WAYPOINT, Command.LOITER_TIME)
+        ):
+            return
+        self._start_item(vehicle, item.seq)
+        vehicle.say(Severity.CRITICAL, "Auto mission changed, restarted command")
+
+    def _start_item(self, vehicle: StandinVehicle, seq: int, reached: StandinItem | None = None) -> None:
+        """Begin the next item that is flown, after those before it that only set something.
+
+        ArduCopter says once in a while which was reached last: of an item and a setting after it, the setting. Of
+        settings at the end of a mission it runs the first alone, and says of none that it was reached.
+        """
+        item = vehicle.mission.next_flown(seq)
+        settings = [vehicle.mission.item(number) for number in range(seq, item.seq if item else seq + 1)]
+        if reached is not None and (item is None or not settings):
+            vehicle.tell(ItemReached(reached.seq))
+        if reached is not None and reached.command in (Command.WAYPOINT, Command.LOITER_TIME):
+            vehicle.say(Severity.INFO, f"Reached command #{reached.seq}")
+        for setting in settings:
+            if setting is not None:
+                self._set(vehicle, setting)
+                if item is not None:
+                    vehicle.tell(ItemReached(setting.seq))
+        if item is None:
+            self._end(vehicle)
+        else:
+            vehicle.mission.current = item.seq
+            vehicle.say(Severity.INFO, f"Mission: {item.seq} {_NAMES[item.command]}")
+            self._begin(vehicle, item)
+
+    @staticmethod
+    def _set(vehicle: StandinVehicle, item: StandinItem) -> None:
+        vehicle.say(Severity.INFO, f"Mission: {item.seq} {_NAMES[item.command]}")
+        if item.param2 > 0 and item.param1 in SPEED_KINDS:
+            vehicle.change_speed(SpeedKind(int(item.param1)), item.param2)
 
     def _end(self, vehicle: StandinVehicle) -> None:
         """The mission is complete: hold here (in the air), or disarm (on the ground)."""
         self._item = None
-        vehicle.mission.complete = len(vehicle.mission) > 1
+        vehicle.mission.end(complete=True)
         if vehicle.landed:
             vehicle.disarm(force=False)
         else:

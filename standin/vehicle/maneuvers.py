@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from enum import Enum, auto
-from math import hypot
+from math import hypot, radians
 from typing import TYPE_CHECKING
+
+from standin.control.quaternion import wrapped, yaw_of
 
 if TYPE_CHECKING:
     from standin.vehicle.vehicle import StandinVehicle
@@ -24,6 +26,9 @@ RTL_CONE_SLOPE_MIN = 0.5
 STOPPING_GAIN_PER_S = 1.0
 """PSC_POSXY_P, by which ArduCopter foresees where it stops."""
 HEIGHT_UNREACHED_M = 0.3
+YAW_HELD_IN_RTL = (0, 2)
+"""WP_YAW_BEHAVIOR: never turn, and do not on the way home."""
+ARMED_YAW_NEAR_RAD = radians(2.0)
 
 
 class Drive(Enum):
@@ -98,12 +103,17 @@ class ReturnStage(Enum):
 
 
 class ReturnSequence:
-    """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land."""
+    """ArduCopter's RTL: climb to the return height, fly home, wait RTL_LOIT_TIME, then land.
+
+    By WP_YAW_BEHAVIOR the nose turns homewards, and at home to where it was at arming.
+    """
 
     def __init__(self, vehicle: StandinVehicle) -> None:
         self.stage = ReturnStage.CLIMB
         self._waited_s = 0.0
         self._down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + _return_alt_m(vehicle))
+        self._turns = vehicle.parameters["WP_YAW_BEHAVIOR"] not in YAW_HELD_IN_RTL
+        vehicle.forget_speeds()
         vehicle.navigator.hold_yaw()
         vehicle.navigator.go_to_depth(self._down_m)
 
@@ -114,12 +124,17 @@ class ReturnSequence:
         if self.stage is ReturnStage.CLIMB and height_off_m < HEIGHT_UNREACHED_M:
             self.stage = ReturnStage.FLY
             vehicle.navigator.go_to(*vehicle.origin.ned_to(vehicle.home_or_origin)[:2])
+            if self._turns:
+                vehicle.navigator.look_ahead()
         elif self.stage is ReturnStage.FLY:
             if _from_home_m(vehicle) < ARRIVED_DISTANCE_M and height_off_m < ARRIVED_HEIGHT_M:
                 self.stage = ReturnStage.WAIT
+                vehicle.navigator.turn_to(vehicle.armed_yaw_rad if self._turns else vehicle.navigator.yaw_rad)
         elif self.stage is ReturnStage.WAIT:
             self._waited_s += step_s
-            if self._waited_s * 1000 >= vehicle.parameters["RTL_LOIT_TIME"]:
+            is_over = self._waited_s * 1000 >= vehicle.parameters["RTL_LOIT_TIME"]
+            off_rad = abs(wrapped(yaw_of(vehicle.frame.attitude_wxyz) - vehicle.armed_yaw_rad))
+            if is_over and (off_rad <= ARMED_YAW_NEAR_RAD or not self._turns):
                 self.stage = ReturnStage.LAND
         elif self.stage is ReturnStage.LAND:
             land(vehicle)

@@ -115,10 +115,14 @@ class Mission:
         self._items: list[StandinItem] = []
         self.current = 0
         """Sequence number of the item that is, or will be, flown."""
+        self.running = False
+        """Whether AUTO flies it."""
         self.complete = False
         """Whether its last item is done."""
+        self.jumped = False
+        """Whether the ground has chosen another item of a mission that runs."""
         self.revision = 0
-        """Rises at each upload, clearing or jump of the current item by the ground."""
+        """Rises at each upload and clearing."""
 
     def __len__(self) -> int:
         return len(self._items)
@@ -127,12 +131,37 @@ class Mission:
         """Return an item, or None if there is none of that number."""
         return self._items[seq] if 0 <= seq < len(self._items) else None
 
+    def next_flown(self, seq: int) -> StandinItem | None:
+        """Return the first item from ``seq`` on that does not only set something."""
+        while (item := self.item(seq)) is not None and item.command == Command.DO_CHANGE_SPEED:
+            seq += 1
+        return item
+
     def replace(self, items: Sequence[StandinItem]) -> None:
-        """Store a new mission; the current item is then 0."""
+        """Store a new mission; as in ArduCopter it is at the number where the one before was."""
         self._items = list(items)
-        self.current = 0
-        self.complete = False
         self.revision += 1
+
+    def clear(self) -> None:
+        """Forget it."""
+        self.replace([])
+        self.current = 0
+        self.running = self.complete = False
+
+    def begin(self) -> None:
+        """Run from where it was stopped, or from the first item."""
+        first = 1 if self.complete else max(self.current, 1)
+        self.current = first if self.item(first) else 1
+        self.running, self.complete, self.jumped = True, False, False
+
+    def end(self, *, complete: bool) -> None:
+        """Stop, at the current item or after the last."""
+        self.running = False
+        self.complete = self.complete or complete
+
+    def rewind(self) -> None:
+        """Go back to the first item, as at disarming."""
+        self.current = 1 if self.running else 0
 
     def set_home(self, home: Location) -> None:
         """Keep item 0 at home."""
@@ -140,10 +169,10 @@ class Mission:
             self._items[0] = home_item(home)
 
     def set_current(self, seq: int) -> bool:
-        """Choose the item to fly; return False if there is none of that number."""
+        """Choose the item to fly, at once if it runs; return False if there is none of that number."""
         if not 0 <= seq < max(len(self._items), 1):
             return False
-        self.current = seq
+        self.current = max(seq, 1) if self._items else 0  # home stands for the first item
         self.complete = False
-        self.revision += 1
+        self.jumped = self.running
         return True

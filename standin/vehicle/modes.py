@@ -5,13 +5,14 @@ A mode is made anew each time it is entered. ``update`` runs at 100 Hz while the
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum, auto
 from typing import TYPE_CHECKING, NamedTuple
 
 from standin.control.navigator import FlightLimits
 from standin.control.profile import Limits
 from standin.control.quaternion import Vector
 from standin.vehicle.maneuvers import Drive, ReturnSequence, Takeoff, land
+from standin.vehicle.mission import SpeedKind
 
 if TYPE_CHECKING:
     from standin.vehicle.vehicle import StandinVehicle
@@ -31,6 +32,15 @@ class Nose(NamedTuple):
 
 
 AS_IT_LIKES = Nose()
+
+
+class GuidedTarget(Enum):
+    """What GUIDED flies to."""
+
+    TAKEOFF = auto()
+    POINT = auto()
+    MOVING_POINT = auto()
+    VELOCITY = auto()
 
 
 class ModeNumber(IntEnum):
@@ -53,6 +63,8 @@ class FlightMode:
     needs_mission = False
     guided_flag = True
     """Whether the heartbeat carries MAV_MODE_FLAG_GUIDED_ENABLED."""
+    only_one_of: frozenset[SpeedKind] = frozenset()
+    """Speeds that may be asked for of which each ends the others."""
 
     @property
     def name(self) -> str:
@@ -167,17 +179,30 @@ class ReturnToLaunch(FlightMode):
 
 
 class Guided(FlightMode):
-    """Takeoff, a point to fly to, or a velocity (which ends after GUID_TIMEOUT)."""
+    """Takeoff, a point to fly to, or a velocity (motions end after GUID_TIMEOUT).
+
+    Speeds and accelerations are those of the parameters when the present kind of target began, and a speed that was
+    asked for ends with that kind (``ModeGuided::pva_control_start``). They do not limit a velocity that is asked for.
+    """
 
     number = ModeNumber.GUIDED
+    only_one_of = frozenset({SpeedKind.CLIMB, SpeedKind.DESCENT})  # ModeGuided::set_speed_up_cms
 
     def __init__(self) -> None:
         self._takeoff: Takeoff | None = None
-        self._velocity_until_ns: int | None = None
+        self._motion_until_ns: int | None = None
+        self._target: GuidedTarget | None = None
+        self._limits: FlightLimits | None = None
 
-    def enter(self, _vehicle: StandinVehicle) -> None:
+    def enter(self, vehicle: StandinVehicle) -> None:
         """Forget what was asked for before."""
-        self._takeoff = self._velocity_until_ns = None
+        self._takeoff = self._motion_until_ns = self._target = None
+        self._begin(vehicle, GuidedTarget.VELOCITY)
+
+    def limits(self, limits: FlightLimits) -> FlightLimits:
+        """Keep those with which this kind of target began."""
+        self._limits = self._limits or limits
+        return self._limits
 
     def take_off(self, vehicle: StandinVehicle, alt_rel_m: float) -> bool:
         """Climb to a height above home; False if the vehicle is not standing armed."""
@@ -185,6 +210,7 @@ class Guided(FlightMode):
         if not standing or alt_rel_m <= vehicle.alt_rel_m:
             return False
         down_m = vehicle.depth_of(vehicle.home_or_origin.alt_amsl_m + alt_rel_m)
+        self._begin(vehicle, GuidedTarget.TAKEOFF)
         self._takeoff = Takeoff(vehicle, down_m)
         return True
 
@@ -198,12 +224,11 @@ class Guided(FlightMode):
         """Fly to a point and hold there, or, for GUID_TIMEOUT, with one that moves; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
-        vehicle.navigator.go_to(*position_ned_m[:2], (velocity_ned_mps or ZERO)[:2])
-        vehicle.navigator.go_to_depth(position_ned_m[2])
-        if velocity_ned_mps is not None:
-            self._velocity_until_ns = self._timeout_ns(vehicle)
-        if not self._point(vehicle, nose) and vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
-            vehicle.navigator.look_ahead()
+        self._begin(vehicle, GuidedTarget.POINT if velocity_ned_mps is None else GuidedTarget.MOVING_POINT)
+        north_mps, east_mps, down_mps = velocity_ned_mps or ZERO
+        vehicle.navigator.go_to(*position_ned_m[:2], (north_mps, east_mps))
+        vehicle.navigator.go_to_depth(position_ned_m[2], down_mps)
+        self._point(vehicle, nose)
 
     def fly_velocity(
         self, vehicle: StandinVehicle, velocity_ned_mps: Vector, nose: Nose = AS_IT_LIKES
@@ -211,16 +236,15 @@ class Guided(FlightMode):
         """Fly a velocity for GUID_TIMEOUT; ignored on the ground."""
         if not self._leave_takeoff(vehicle):
             return
-        limits = vehicle.limits()
+        self._begin(vehicle, GuidedTarget.VELOCITY)
         vehicle.navigator.fly_velocity(velocity_ned_mps[:2])
-        vehicle.navigator.fly_sink_rate(max(-limits.climb_mps, min(limits.sink_mps, velocity_ned_mps[2])))
-        if not self._point(vehicle, nose):
-            vehicle.navigator.hold_yaw()
-        self._velocity_until_ns = self._timeout_ns(vehicle)
+        vehicle.navigator.fly_sink_rate(velocity_ned_mps[2])
+        self._point(vehicle, nose)
 
     def stop(self, vehicle: StandinVehicle) -> None:
         """Brake and hold."""
         if self._leave_takeoff(vehicle):
+            self.enter(vehicle)
             vehicle.navigator.stop()
 
     def update(self, vehicle: StandinVehicle, step_s: float) -> None:
@@ -230,31 +254,36 @@ class Guided(FlightMode):
                 self._takeoff = None
         else:
             vehicle.drive = Drive.IDLE if vehicle.landed else Drive.FOLLOW
-        if self._velocity_until_ns is not None and vehicle.sim_time_ns > self._velocity_until_ns:
-            self._velocity_until_ns = None
+        if self._motion_until_ns is not None and vehicle.sim_time_ns > self._motion_until_ns:
+            self._motion_until_ns = None
             vehicle.navigator.end_turn()
             if vehicle.navigator.point_m is None:
                 vehicle.navigator.stop()
             else:
                 vehicle.navigator.halt_point()
 
-    @staticmethod
-    def _point(vehicle: StandinVehicle, nose: Nose) -> bool:
-        """Point the nose as asked; False if nothing was asked."""
+    def _begin(self, vehicle: StandinVehicle, target: GuidedTarget) -> None:
+        if target is not self._target:
+            self._target, self._limits = target, None
+            vehicle.forget_speeds()
+            vehicle.limits()
+
+    def _point(self, vehicle: StandinVehicle, nose: Nose) -> None:
+        """Point the nose as asked, or where it flies; turn and move until GUID_TIMEOUT."""
         if nose.yaw_rad is not None:
-            vehicle.navigator.turn_to(nose.yaw_rad)
+            vehicle.navigator.turn_to(nose.yaw_rad, nose.turn_radps or 0.0)
         elif nose.turn_radps is not None:
             vehicle.navigator.turn_at(nose.turn_radps)
-        return nose != AS_IT_LIKES
-
-    @staticmethod
-    def _timeout_ns(vehicle: StandinVehicle) -> int:
-        return vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
+        elif vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
+            vehicle.navigator.look_ahead()
+        else:
+            vehicle.navigator.hold_yaw()
+        self._motion_until_ns = vehicle.sim_time_ns + round(vehicle.parameters["GUID_TIMEOUT"] * 1e9)
 
     def _leave_takeoff(self, vehicle: StandinVehicle) -> bool:
         """Make room for another target; False while the vehicle stands."""
         if not vehicle.armed or vehicle.landed:
             return False
-        self._takeoff = self._velocity_until_ns = None
+        self._takeoff = self._motion_until_ns = None
         vehicle.taking_off = False
         return True

@@ -29,8 +29,6 @@ GPS_FIX_AFTER_S = 1.0
 ESTIMATE_AFTER_S = 3.0
 """Sensor time from the first frame to a position estimate: ready to arm from then on."""
 LEAN_MAX_DEG = 45.0
-SPEED_MAX_MPS = 20.0
-"""Of DO_CHANGE_SPEED; what is asked for beyond is cut."""
 IDLE_COMMAND = 0.10
 """Of the motors of an armed vehicle that stands."""
 GROUND_CONTACT_S = 1.0
@@ -59,6 +57,8 @@ class StandinVehicle:
         self.uptime_s = 0.0
         """Sensor time since the first frame."""
         self.armed = False
+        self.armed_yaw_rad = 0.0
+        """Where the nose was at arming."""
         self.landed = True
         self.taking_off = self.landing = False
         self.mode: FlightMode = Stabilize()
@@ -186,6 +186,7 @@ class StandinVehicle:
                 self.say(Severity.CRITICAL, f"Arm: {failure}")
             return False
         self.armed = self.landed = True
+        self.armed_yaw_rad = self.attitude_rad[2]
         self.drive = Drive.IDLE
         self._idle_since_ns = self.sim_time_ns
         self._set_home()
@@ -202,6 +203,7 @@ class StandinVehicle:
             self.armed = self.taking_off = self.landing = False
             self.landed = True
             self.drive = Drive.IDLE
+            self.mission.rewind()
             self._command((0.0,) * self.motor_count)
             self.say(Severity.INFO, "Disarming motors")
             self.tell(ModeChanged())
@@ -219,9 +221,10 @@ class StandinVehicle:
         if refusal:
             self.say(Severity.WARNING, f"Mode change to {mode.name} failed: {refusal}")
             return False
+        self.mission.end(complete=False)
         self.mode = mode
         self.taking_off = self.landing = False
-        self._speeds_mps = {}
+        self.forget_speeds()
         self.tell(ModeChanged())
         self.navigator.start(self.frame)
         mode.enter(self)
@@ -237,9 +240,19 @@ class StandinVehicle:
         self.drive = Drive.FOLLOW
 
     def change_speed(self, kind: SpeedKind, speed_mps: float) -> None:
-        """Fly with another speed, > 0, until the mode ends; one through the air is taken for one over ground."""
+        """Fly with another speed, > 0, until the mode, or GUIDED's kind of target, ends.
+
+        One through the air is taken for one over ground.
+        """
         kind = SpeedKind.GROUND if kind is SpeedKind.AIR else kind
-        self._speeds_mps[kind] = min(speed_mps, SPEED_MAX_MPS)
+        if kind in self.mode.only_one_of:
+            for other in self.mode.only_one_of:
+                self._speeds_mps.pop(other, None)
+        self._speeds_mps[kind] = speed_mps
+
+    def forget_speeds(self) -> None:
+        """End what was asked for by ``change_speed``."""
+        self._speeds_mps = {}
 
     def limits(self) -> FlightLimits:
         """Return the limits of the references, from the parameters and DO_CHANGE_SPEED."""

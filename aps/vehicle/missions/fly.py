@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 from aps.timeouts import MODE_TIMEOUT_S
@@ -22,7 +23,8 @@ STALE_S: Final = 5.0
 """A mission that was begun and still says COMPLETE so long after its start, by the autopilot's clock, is complete (it
 was short), not the one before."""
 LAST_ITEM_GRACE_MS: Final = 1500
-"""Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
+"""Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz); or
+between a MISSION_CURRENT that is back at the first item, as ArduPilot disarms, and the heartbeat of that (1 Hz)."""
 
 
 @dataclass
@@ -48,6 +50,8 @@ class _End:
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
+    last_item_ms: float = -inf
+    """When it was last at its last item."""
 
     def is_there(self, now: VehicleState) -> bool:
         last_reached_ns = reached_ns(now)
@@ -63,7 +67,9 @@ class _End:
             now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
         )
         at_last = now.mission_total <= now.mission_current
-        landed = at_last and not now.armed
+        if at_last:
+            self.last_item_ms = now.time_boot_ms
+        landed = not now.armed and now.time_boot_ms - self.last_item_ms <= LAST_ITEM_GRACE_MS
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
         return landed or returned or (newly_reached and now.mission_reached == now.mission_total)

@@ -310,11 +310,12 @@ def test_speed_changes(ready: Bench) -> None:
     assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 7.0
     assert results(ready.command(178, 1, 0)) == [(178, 2)]
     assert [results(ready.command(178, kind, 3 + kind)) for kind in (2, 3)] == [[(178, 0)]] * 2
-    assert speeds(ready) == (7.0, 5.0, 6.0)
+    assert speeds(ready) == (7.0, 2.5, 6.0), "in GUIDED the last of climbing and sinking counts"
     assert results(ready.command(178, 0, 50)) == [(178, 0)], "airspeed is taken for ground speed"
-    assert speeds(ready) == (20.0, 5.0, 6.0)
+    assert speeds(ready) == (50.0, 2.5, 6.0)
     assert results(ready.command(178, 4, 3)) == [(178, 2)]
     assert results(ready.command(178, math.nan, 3)) == [(178, 2)]
+    assert results(ready.command(178, 1, math.inf)) == [(178, 2)]
     assert results(ready.command(176, 1, RTL)) == [(176, 0)]
     assert speeds(ready) == (10.0, 2.5, 1.5), "they end with the mode"
 
@@ -397,6 +398,80 @@ def test_a_point_that_moves_a_velocity_ahead_and_the_nose(ready: Bench) -> None:
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.3, abs=0.02)
     ready.run(4.0)
     assert vehicle.navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.02)
+
+
+def local_target(mask: int, *fields: float) -> Any:
+    """SET_POSITION_TARGET_LOCAL_NED: place, velocity, acceleration, yaw, rate of turn."""
+    padded = [*fields, *[0.0] * (11 - len(fields))]
+    return dialect.MAVLink_set_position_target_local_ned_message(0, 7, 1, 1, mask, *padded)
+
+
+POINT, MOVING_POINT, VELOCITY, TURNING_POINT, YAW_THAT_TURNS = 0x0DF8, 0x0DC0, 0x0DC7, 0x05F8, 0x01C7
+
+
+@pytest.mark.parametrize(("yaw_behavior", "yaw_deg"), [(0, 0.0), (1, 90.0), (2, 90.0), (3, 90.0)])
+def test_velocities_are_flown_as_asked_and_the_nose_goes_with_them(
+    ready: Bench, yaw_behavior: int, yaw_deg: float
+) -> None:
+    """Real ArduCopter flew 15 m/s eastwards, and 5 m/s upwards, with WPNAV_SPEED 1000 and WPNAV_SPEED_UP 250."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    vehicle.parameters.set("WP_YAW_BEHAVIOR", yaw_behavior)
+    for _ in range(5):
+        ready.say(local_target(VELOCITY, 0, 0, 0, 0.0, 15.0, -5.0))
+        ready.run(2.0)
+    assert vehicle.navigator.horizontal.east_mps == pytest.approx(15.0, abs=0.05)
+    assert vehicle.navigator.vertical.down_mps == pytest.approx(-5.0, abs=0.05)
+    assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(yaw_deg, abs=0.5)
+
+
+def test_slow_references_turn_no_nose(ready: Bench) -> None:
+    """Real ArduCopter turned for 0.6 m/s, not for 0.3: 5 % of WPNAV_SPEED."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    for east_mps, yaw_deg in ((0.45, 0.0), (0.55, 90.0)):
+        for _ in range(3):
+            ready.say(local_target(VELOCITY, 0, 0, 0, 0.0, east_mps))
+            ready.run(2.0)
+        assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(yaw_deg, abs=0.5), east_mps
+
+
+def test_in_guided_speeds_are_of_the_kind_of_target(ready: Bench) -> None:
+    """As real ArduCopter flew: DO_CHANGE_SPEED, then another kind of target, and it is at WPNAV_SPEED again."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+
+    def asked(mask: int, *fields: float) -> tuple[float, float, float]:
+        ready.say(local_target(mask, *fields))
+        return speeds(ready)
+
+    assert results(ready.command(178, 1, 3.0)) == [(178, 0)]
+    assert asked(POINT, 50.0, 0, -20.0) == (10.0, 2.5, 1.5), "of the point"
+    assert results(ready.command(178, 1, 3.0)) == [(178, 0)]
+    assert asked(POINT, 0.0, 0, -20.0) == (3.0, 2.5, 1.5), "a point as before"
+    vehicle.parameters.set("WPNAV_SPEED", 400.0)
+    assert asked(POINT, 50.0, 0, -20.0) == (3.0, 2.5, 1.5)
+    assert asked(VELOCITY, 0, 0, 0, 8.0) == (4.0, 2.5, 1.5)
+    vehicle.parameters.set("WPNAV_SPEED", 500.0)
+    assert asked(VELOCITY, 0, 0, 0, 8.0) == (4.0, 2.5, 1.5)
+    assert asked(POINT, 0.0, 0, -20.0) == (5.0, 2.5, 1.5)
+    assert asked(MOVING_POINT, 0.0, 0, -20.0, 1.0) == (5.0, 2.5, 1.5)
+    ready.command(178, 1, 3.0)
+    assert speeds(ready)[0] == 3.0
+    ready.say(local_target(0x0FFF))
+    assert speeds(ready)[0] == 5.0, "it was stopped, and that begins anew"
+
+
+def test_a_point_moves_up_too_and_turns_end(ready: Bench) -> None:
+    """With GUID_TIMEOUT; real ArduCopter climbed 3 m at 1 m/s, and turned 64 degrees at 20 degrees per second."""
+    navigator = in_the_air(ready).autopilot.vehicle.navigator
+    ready.say(local_target(MOVING_POINT, 0, 0, -20.0, 2.0, 0, -1.0))
+    ready.run(6.0)
+    assert navigator.target_ned_m() == pytest.approx((6.0, 0.0, -23.0), abs=0.1)
+    assert navigator.vertical.down_m == pytest.approx(-23.0, abs=0.1)
+    for mask, turned_deg in ((TURNING_POINT, 60.0), (YAW_THAT_TURNS, 90.0 + 60.0)):
+        navigator.restart_yaw(ready.autopilot.vehicle.frame)
+        ready.say(local_target(mask, 0, 0, -20.0, 0, 0, 0, 0, 0, 0, math.pi / 2.0, math.radians(20.0)))
+        ready.run(6.0)
+        assert math.degrees(navigator.yaw_rad) == pytest.approx(turned_deg, abs=10.0), mask
+        assert navigator.yaw_rate_radps == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -606,7 +681,9 @@ def test_parameter_read_and_set(ready: Bench) -> None:
     answer = ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", 650.0, 9))
     assert [(m.param_id, m.param_value, m.param_type) for m in answer] == [("WPNAV_SPEED", 650.0, 9)]
     ready.run(0.1)
-    assert ready.autopilot.vehicle.limits().horizontal.speed_mps == 6.5
+    assert speeds(ready)[0] == 10.0, "in GUIDED it counts from the next kind of target on"
+    ready.command(176, 1, RTL)
+    assert speeds(ready)[0] == 6.5
     assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"WPNAV_SPEED", math.nan, 9)) == []
     assert ready.say(dialect.MAVLink_param_set_message(7, 1, b"NOPE", 1.0, 9)) == []
     assert read("WPNAV_SPEED") == [650.0]
@@ -871,7 +948,14 @@ def test_a_mission_that_is_cleared_in_flight_leaves_the_way_home_open(ready: Ben
     in_the_air(ready)
     assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
     ready.run(0.5)
-    ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))
+
+    def cleared() -> list[int]:
+        return [m.type for m in ready.say(dialect.MAVLink_mission_clear_all_message(7, 1, 0))]
+
+    assert cleared() == [dialect.MAV_MISSION_ERROR], "while it is flown"
+    assert len(ready.autopilot.vehicle.mission) == 2
+    ready.command(176, 1, GUIDED)
+    assert cleared() == [dialect.MAV_MISSION_ACCEPTED]
     for mode in (RTL, 9, GUIDED, AUTO):
         answer = ready.command(176, 1, mode)
         assert results(answer) == [(176, 4 if mode == AUTO else 0)], mode
@@ -884,15 +968,133 @@ def test_a_mission_that_ends_with_a_setting_completes(ready: Bench) -> None:
     ready.command(511, 42, 100_000)
     assert results(ready.command(176, 1, AUTO)) == [(176, 0)]
     ready.run(1.0)
-    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
-    told = [m for m in ready.heard if m.get_type() == "MISSION_CURRENT"][-1]
-    assert (told.seq, told.total, told.mission_state) == (2, 2, dialect.MISSION_STATE_COMPLETE)
+    assert reached(ready) == [1]
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
     # Entered again, a mission that is complete begins anew.
     ready.heard.clear()
     ready.command(176, 1, GUIDED)
     ready.command(176, 1, AUTO)
     ready.run(1.0)
-    assert [m.seq for m in ready.heard if m.get_type() == "MISSION_ITEM_REACHED"] == [1, 2]
+    assert reached(ready) == [1]
+
+
+def reached(bench: Bench) -> list[int]:
+    return [m.seq for m in bench.heard if m.get_type() == "MISSION_ITEM_REACHED"]
+
+
+def current(bench: Bench) -> tuple[int, int, int]:
+    """Number, state of the mission, and whether AUTO flies."""
+    (told,) = [m for m in bench.command(512, 42) if m.get_type() == "MISSION_CURRENT"]
+    return told.seq, told.mission_state, told.mission_mode
+
+
+def test_a_setting_hides_the_item_before_it(ready: Bench) -> None:
+    """Real ArduCopter says of loiter 1, speeds 2 and 3, and loiter 4 that 2, 3 and 4 were reached."""
+    speeds_on = [item(seq, 178, frame=2, parameters=(1, 5.0, 0, 0)) for seq in (2, 3)]
+    upload(ready, [item(0), item(1, 19), *speeds_on, item(4, 19)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(1.0)
+    assert reached(ready) == [2, 3, 4]
+    assert [text for text in texts(ready.heard) if text.startswith("Reached")] == [
+        "Reached command #1",
+        "Reached command #4",
+    ]
+
+
+def test_a_mission_that_is_stopped_goes_on_where_it_was_also_another(ready: Bench) -> None:
+    """As real ArduCopter: an upload neither starts a mission nor sends it back to its start."""
+    far = [item(seq, lat=450_000_000 + 20_000 * seq) for seq in (1, 2, 3)]
+    upload(ready, [item(0), item(1, 19), *far[1:]])
+    in_the_air(ready)
+    assert current(ready) == (0, dialect.MISSION_STATE_NOT_STARTED, 0)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (2, dialect.MISSION_STATE_ACTIVE, 1)
+    ready.command(176, 1, GUIDED)
+    assert current(ready) == (2, dialect.MISSION_STATE_NOT_STARTED, 0)
+    upload(ready, [item(0), *far])
+    assert current(ready)[0] == 2
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (2, dialect.MISSION_STATE_ACTIVE, 1)
+    vehicle = ready.autopilot.vehicle
+    assert vehicle.navigator.target_ned_m()[0] == pytest.approx(445.3, abs=0.1)
+    answer = upload(ready, [item(0), far[0], item(2, lat=450_010_000), far[2]])
+    assert "Auto mission changed, restarted command" in texts([*answer, *ready.run(0.1)])
+    assert vehicle.navigator.target_ned_m()[0] == pytest.approx(111.3, abs=0.1)
+    ready.command(224, 3)
+    ready.run(0.1)
+    assert current(ready)[0] == 3
+    ready.command(176, 1, GUIDED)
+    upload(ready, [item(0), far[0]])
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready)[0] == 1, "there is no third item any more"
+
+
+def test_a_mission_that_is_complete_waits_for_auto(ready: Bench) -> None:
+    """Another mission, or another item of it, is not flown before: real ArduCopter stayed where it was."""
+    upload(ready, [item(0), item(1, 19)])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
+    ready.heard.clear()
+    upload(ready, [item(0), item(1, 19), item(2, 19)])
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_COMPLETE, 1)
+    ready.command(224, 0)
+    ready.run(0.1)
+    assert current(ready) == (1, dialect.MISSION_STATE_NOT_STARTED, 1), "home stands for the first item"
+    assert reached(ready) == []
+    ready.command(224, 2)
+    assert results(ready.command(300)) == [(300, 0)]
+    ready.run(0.1)
+    assert reached(ready) == [2]
+
+
+@pytest.mark.parametrize(
+    ("commands", "told", "state"),
+    [
+        pytest.param((22, 21), [1], (1, dialect.MISSION_STATE_ACTIVE, 1), id="LAND"),
+        pytest.param((22, 21, 16, 21), [1], (1, dialect.MISSION_STATE_ACTIVE, 1), id="LAND and more"),
+        pytest.param((22, 20), [1, 2], (0, dialect.MISSION_STATE_COMPLETE, 1), id="RTL"),
+        pytest.param((22, 20, 16, 21), [1, 2], (1, dialect.MISSION_STATE_ACTIVE, 1), id="RTL and more"),
+    ],
+)
+def test_after_a_landing_a_mission_begins_anew(
+    ready: Bench, commands: tuple[int, ...], told: list[int], state: tuple[int, int, int]
+) -> None:
+    """As real ArduCopter: what is after a landing is not flown; with more after RTL it stands until DISARM_DELAY."""
+    upload(ready, [item(0), *(item(seq, command) for seq, command in enumerate(commands, 1))])
+    in_the_air(ready)
+    ready.command(176, 1, AUTO)
+    ready.run(0.1)
+    vehicle = ready.autopilot.vehicle
+    vehicle.landed = True
+    vehicle.mode.touched_ground(vehicle)
+    ready.run(11.0)
+    assert not vehicle.armed
+    assert reached(ready) == told
+    assert current(ready) == state
+    ready.pose = {}
+    ready.command(176, 1, GUIDED)
+    ready.command(400, 1)
+    ready.command(300)
+    ready.run(0.1)
+    assert texts(ready.heard)[-1] == "Mission: 1 Takeoff"
+
+
+def test_auto_leaves_the_ground_by_a_takeoff_alone(ready: Bench) -> None:
+    upload(ready, [item(0), item(1, 178, frame=2), item(2)])
+    ready.command(400, 1)
+    answer = ready.command(300)
+    assert results(answer) == [(300, 4)]
+    assert texts(answer) == ["Auto: Missing Takeoff Cmd", "Mode change to AUTO failed: init failed"]
+    upload(ready, [item(0), item(1, 178, frame=2), item(2, 22)])
+    assert results(ready.command(300, 2)) == [(300, 2)], "it has no first and last item"
+    assert results(ready.command(300)) == [(300, 0)]
 
 
 def without_height(message: Any) -> Any:
@@ -963,6 +1165,41 @@ def test_the_height_of_the_return(
     vehicle.leave_ground()
     ready.command(176, 1, RTL)
     assert vehicle.navigator.depth_m == pytest.approx(-height_m, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("yaw_behavior", "way_deg", "home_deg"), [(0, 0, 0), (1, 180, 0), (2, 0, 0), (3, 180, 0)]
+)
+def test_the_nose_on_the_way_home(ready: Bench, yaw_behavior: int, way_deg: float, home_deg: float) -> None:
+    """As real ArduCopter turned: homewards, and at home to where it was at arming."""
+    vehicle = in_the_air(ready).autopilot.vehicle
+    vehicle.parameters.set("WP_YAW_BEHAVIOR", yaw_behavior)
+    vehicle.parameters.set("RTL_LOIT_TIME", 0)
+    ready.pose = {"position": [90.0, 0.0, -20.0]}
+    ready.turn()
+    ready.command(176, 1, RTL)
+    ready.run(8.0)
+    assert abs(math.degrees(vehicle.navigator.yaw_rad)) == pytest.approx(way_deg, abs=1.0)
+    ready.pose = {"position": [0.0, 0.0, -20.0]}
+    if way_deg:
+        for _ in range(2000):
+            ready.turn(quaternion=[0.0, 0.0, 0.0, 1.0])
+        assert not vehicle.landing, "it waits for its nose"
+    ready.run(0.1)
+    assert vehicle.landing
+    assert math.degrees(vehicle.navigator.yaw_rad) == pytest.approx(home_deg, abs=1.0)
+
+
+def test_a_missions_speed_ends_with_its_way_home(ready: Bench) -> None:
+    """RTL_SPEED 0 is WPNAV_SPEED: real ArduCopter flew home at 7 m/s after a speed of 3."""
+    slow = item(1, 178, frame=2, parameters=(1, 3.0, 0, 0))
+    upload(ready, [item(0), slow, item(2, 19), item(3, 20, frame=2)])
+    in_the_air(ready)
+    ready.pose = {"position": [0.0, 0.0, -20.0]}
+    ready.command(176, 1, AUTO)
+    ready.run(1.0)
+    assert ready.autopilot.vehicle.mission.current == 3
+    assert speeds(ready)[0] == 10.0
 
 
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:

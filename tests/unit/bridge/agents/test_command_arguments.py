@@ -32,7 +32,7 @@ async def test_numbers_of_numpy_are_numbers() -> None:
     await ua.goto_ned(half, two, half, within_m=half)
     await ua.velocity(half, two, yaw_rate_dps=half)
     await ua.mission([{"command": two, "params": np.array([0.5, 2.0], np.float32)}])
-    takeoff, goto, ned, velocity, mission = ua.goals[:5]
+    takeoff, goto, ned, velocity, mission, flown = ua.goals[:6]
     assert (takeoff.altitude_rel_m, goto.latitude_deg, goto.longitude_deg) == (0.5, 0.5, 2.0)
     assert json.loads(goto.arguments) == {"yaw_deg": 0.5}
     assert json.loads(ned.arguments) == {
@@ -40,6 +40,7 @@ async def test_numbers_of_numpy_are_numbers() -> None:
     }  # fmt: skip
     assert json.loads(velocity.arguments)["yaw_rate_dps"] == 0.5
     assert json.loads(mission.arguments)["items"] == [{"command": 2, "params": [0.5, 2.0]}]
+    assert json.loads(flown.arguments) == {"first": 0}, "whatever mission was stopped before"
     assert handling_of(np.int8(3), np.float32(0.5), "").lifetime_ns == 500_000_000  # type: ignore[arg-type]
 
 

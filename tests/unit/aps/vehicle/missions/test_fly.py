@@ -48,6 +48,20 @@ def test_a_mission_that_ends_with_a_landing_is_done_when_disarmed():
     assert execution.result.reached
 
 
+@pytest.mark.parametrize(("after_ms", "reached"), [(900, True), (2000, False)])
+def test_a_mission_is_done_also_when_the_autopilot_is_back_at_its_first_item_before_it_says_disarmed(
+    after_ms, reached
+):
+    """Real ArduCopter: MISSION_CURRENT and the heartbeat come at 1 Hz each, and any may be the first."""
+    execution, _ = started()
+    last = replace(AUTO, mission_current=3, time_boot_ms=90_000)
+    execution.poll(last, 1)
+    execution.poll(replace(last, mission_current=1, time_boot_ms=90_100), 2)
+    assert execution.result is None
+    execution.poll(replace(last, mission_current=1, armed=False, time_boot_ms=90_000 + after_ms), 3)
+    assert execution.result.reached is reached
+
+
 def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
     """ArduPlane enters RTL, says a second later that it is at that item, and circles on."""
     plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=2)
