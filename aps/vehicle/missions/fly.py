@@ -24,13 +24,15 @@ was short), not the one before."""
 LAST_ITEM_GRACE_MS: Final = 1500
 """Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz)."""
 
+_LANDED_STATE: Final = 245
+
 
 @dataclass
 class _End:
     """Whether the mission is complete: the state at the start may still be that of the flight before.
 
-    The autopilot says so; one that does not has reached the last item, has landed, or (a fixed wing whose last item is
-    a return) circles over home.
+    The autopilot says so; one that does not has reached the last item and does not land there, has landed, or (a fixed
+    wing whose last item is a return) circles over home.
     """
 
     start_ms: int
@@ -48,6 +50,8 @@ class _End:
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
+    last_ns: int | None = None
+    """When the last item was first said to be reached."""
 
     def is_there(self, now: VehicleState) -> bool:
         last_reached_ns = reached_ns(now)
@@ -66,7 +70,18 @@ class _End:
         landed = at_last and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
-        return landed or returned or (newly_reached and now.mission_reached == now.mission_total)
+        if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:
+            self.last_ns = last_reached_ns
+        return landed or returned or (self.last_ns is not None and not _may_land(now, self.last_ns))
+
+
+def _may_land(now: VehicleState, reached_ns: int) -> bool:
+    """Whether it sinks where it has reached its last item, or has not said since that it does not.
+
+    PX4 reaches NAV_LAND above the place, and then begins to land (MissionBase::handleLanding).
+    """
+    heard_ns = now.heard_ns.get(_LANDED_STATE)
+    return heard_ns is not None and (heard_ns <= reached_ns or now.landed_state == "landing")
 
 
 def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
