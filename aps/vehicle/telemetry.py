@@ -224,8 +224,8 @@ class Telemetry:
         if not self._on_earth(lat, lon):
             return
         values = self._values
-        is_known = lat or lon or "home_lat_deg" in values  # to ArduPilot, before it has a home, it is 0, 0
-        if is_known:
+        is_known = "lat_deg" in values or "home_lat_deg" in values or values.get("position_ok", False)
+        if is_known or ((lat or lon) and not autopilot_of(self.autopilot).guesses_place):
             values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
             values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
         if not self._has_local:

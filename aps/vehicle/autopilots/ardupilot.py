@@ -75,6 +75,7 @@ class ArduPilotStack:
     name = "ArduPilot"
     home_is_an_item = True
     zero_is_here = True
+    guesses_place = True
     bytewise_parameters = False
     packed_parameters = True
     unrepeatable: Mapping[int, str] = {

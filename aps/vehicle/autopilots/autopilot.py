@@ -78,6 +78,9 @@ class FlightStack(Protocol):
     """Whether home is item 0 of its missions."""
     zero_is_here: bool
     """Whether an item without a place is sent with 0, 0, where it is when the item's turn comes, or needs one."""
+    guesses_place: bool
+    """Whether it sends a place before it has one, reckoned from 0 N 0 E: it has one once there is a home, or its
+    estimator says so."""
     bytewise_parameters: bool
     """Whether whole numbers are the four bytes of a PARAM_VALUE's float."""
     packed_parameters: bool

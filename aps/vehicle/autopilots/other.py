@@ -22,6 +22,7 @@ class OtherStack:
     name = "another autopilot"
     home_is_an_item = False
     zero_is_here = False
+    guesses_place = False
     bytewise_parameters = False
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {

@@ -70,6 +70,7 @@ class Px4Stack:
     name = "PX4"
     home_is_an_item = False
     zero_is_here = False
+    guesses_place = False
     bytewise_parameters = True
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {

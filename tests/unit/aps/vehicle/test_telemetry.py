@@ -282,18 +282,52 @@ def test_values_that_are_not_a_number_are_unknown(feed):
     assert feed.telemetry.decode_errors == 0
 
 
-def test_a_position_of_0_0_before_home_is_none(feed):
-    """ArduPilot's before its filter has an origin; with a home it is where Greenwich meets the equator."""
+def place(lat, lon, alt_mm=1_690_000):
+    return mavlink.MAVLink_global_position_int_message(1000, lat, lon, alt_mm, 20_000, 0, 0, 0, 0)
 
-    def at(lat, lon):
-        return feed(mavlink.MAVLink_global_position_int_message(1000, lat, lon, 30_000, 20_000, 0, 0, 0, 0))
 
-    assert math.isnan(at(0, 0).lat_deg)
-    assert math.isnan(at(0, 0).alt_rel_m)
-    assert at(0, 10).lon_deg == pytest.approx(1e-6)
-    feed(mavlink.MAVLink_home_position_message(0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
-    assert at(0, 0).lon_deg == 0.0
+def home(lat, lon):
+    return mavlink.MAVLink_home_position_message(lat, lon, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+
+
+def ekf(flags):
+    return mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0)
+
+
+def test_a_place_of_0_0_before_home_is_none(feed):
+    """With a home it is where Greenwich meets the equator."""
+    assert math.isnan(feed(place(0, 0)).lat_deg)
+    assert math.isnan(feed(place(0, 0)).alt_rel_m)
+    feed(home(0, 0))
+    assert feed(place(0, 0)).lon_deg == 0.0
     assert feed.telemetry.decode_errors == 0
+
+
+def test_what_ardupilot_reckons_from_0_0_is_no_place(feed):
+    """As ArduPlane 4.7 sends it in wind from 2 s on, and from 9 s to 10 s with the height of a home at 0 m."""
+    feed(heartbeat(vehicle=mavlink.MAV_TYPE_FIXED_WING))
+    feed(ekf(mavlink.EKF_UNINITIALIZED))
+    assert math.isnan(feed(place(1600, -12, 0)).lat_deg)
+    assert math.isnan(feed(place(401_331_000, -1_052_403_999, 90)).alt_amsl_m)
+    feed(home(401_331_000, -1_052_403_999))
+    known = feed(place(401_331_000, -1_052_403_999))
+    assert (known.lat_deg, known.alt_amsl_m) == (pytest.approx(40.1331), 1690.0)
+
+
+def test_a_place_that_was_known_stays_known_without_gps(feed):
+    """An autopilot whose home has not been heard: its estimator had a position, and dead-reckons on."""
+    feed(heartbeat())
+    feed(ekf(mavlink.EKF_POS_HORIZ_ABS))
+    feed(place(470_000_000, 80_000_000))
+    feed(ekf(mavlink.EKF_CONST_POS_MODE))
+    feed(mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 0, 0, 0, 0, 0))
+    assert feed(place(470_010_000, 80_000_000)).lat_deg == pytest.approx(47.001)
+
+
+@pytest.mark.parametrize("autopilot", [mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_GENERIC])
+def test_others_send_a_place_once_they_have_one(feed, autopilot):
+    feed(mavlink.MAVLink_heartbeat_message(2, autopilot, 0, 0, 3, 3))
+    assert feed(place(0, 10)).lon_deg == pytest.approx(1e-6)
 
 
 def test_home_that_is_not_on_earth_is_an_error(feed):
