@@ -46,6 +46,8 @@ class _End:
     """Whether it still repeats that it has reached the last item, of the flight before."""
     began: Callable[[VehicleState], bool]
     """Whether a state shows that it was begun."""
+    was_armed: bool = False
+    """Whether it was armed since: a UA that stands where the flight before has landed it has not flown this one."""
     begun: bool = False
     started: bool = False
     started_reached_ns: int = -1
@@ -56,6 +58,7 @@ class _End:
     def is_there(self, now: VehicleState) -> bool:
         last_reached_ns = reached_ns(now)
         self.begun |= self.began(now)
+        self.was_armed |= now.armed
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
             self.started_reached_ns = last_reached_ns
@@ -67,7 +70,7 @@ class _End:
             now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
         )
         at_last = now.mission_total <= now.mission_current
-        landed = at_last and not now.armed
+        landed = at_last and self.was_armed and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
         if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:

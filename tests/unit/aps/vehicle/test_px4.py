@@ -222,6 +222,16 @@ def test_a_mission_that_ends_with_a_landing_is_done_on_the_ground():
     assert flight.execution.result.reached
 
 
+def test_a_mission_of_a_ua_that_stands_where_the_one_before_has_ended_is_not_flown():
+    """PX4 stays in AUTO.MISSION at the last item once it has disarmed."""
+    start = replace(STANDS, armed=False, mode="AUTO.MISSION", mission_current=2, mission_total=2)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(3.2)
+    assert flight.execution.result.reason == "the UA is not armed"
+
+
 def test_a_mission_that_ends_in_the_air_is_done_with_its_last_item():
     assert at_its_last_item("in_air").execution.result.reached
 
