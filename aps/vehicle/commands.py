@@ -30,13 +30,14 @@ from aps.timeouts import (
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
 from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
-from aps.wire.dialect import enum_label, mavlink
+from aps.wire.dialect import enum_label, mavlink, message_class
 
 __all__ = [
     "CommandExecution",
     "CommandPlan",
     "CommandProgress",
     "CommandResult",
+    "Echo",
     "Outcome",
     "Step",
     "reasons",
@@ -58,6 +59,10 @@ _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 _NOT_NOW: Final = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 AGAIN_S: Final = 0.25
 """After so long a step that was rejected for now is sent again."""
+ECHO_SETPOINTS: Final = 5
+"""So many setpoints in a row do not get lost."""
+MOST_ECHOES: Final = 10
+"""That are asked for: it may have no such message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,19 @@ class Step:
     """Of a mode that is acknowledged before it is entered: whether the state shows that it was. If a later heartbeat
     does not, it counts as rejected for now; without heartbeats it has MODE_TIMEOUT_S of the autopilot's time. Of a
     mission's last step, all that shows that the mission has begun."""
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """A message in which the autopilot says what it flies to: nothing else acknowledges a setpoint."""
+
+    name: str
+    ask: Any
+    """Message that asks for it, with each setpoint until one was taken."""
+    is_ours: Callable[[Mapping[str, Any]], bool]
+    """Whether its fields say that the setpoint was taken."""
+    refusal: str
+    """What it means when it says something else after ECHO_SETPOINTS of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +132,8 @@ class CommandPlan:
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
+    echo: Echo | None = None
+    """How it is known that setpoints are taken, where an autopilot may drop them in silence."""
     may_leave: Callable[[VehicleState], bool] = lambda _: False
     """Whether having left them in this state is a part of it ..."""
     leave_grace_ms: int = 0
@@ -165,6 +185,8 @@ class CommandExecution(Execution):
         self.plan = plan
         if any(step.parameter for step in plan.steps):
             self.wanted = frozenset({_PARAM_VALUE})
+        if plan.echo is not None:
+            self.wanted |= {int(message_class(plan.echo.name).id)}
         self._step = 0
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
@@ -177,6 +199,10 @@ class CommandExecution(Execution):
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
+        self._echoes = 0
+        """How often it was asked what it flies to ..."""
+        self._taken = False
+        """... and whether it said that it is what it was sent."""
         self._left_ms: int | None = None
         self._rejection = ""
         self._said_before: list[str] = []
@@ -225,12 +251,17 @@ class CommandExecution(Execution):
         self._said_before = reasons(texts)
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
-        """PARAM_VALUE of the autopilot."""
+        """PARAM_VALUE of the autopilot, or what it says that it flies to."""
         if name == "PARAM_VALUE":
             self.on_parameter(fields["param_id"], fields["param_value"])
 
     def on_link(self, connected: bool, now_ns: int) -> None:
         """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
+        echo = self.plan.echo
+        if echo is not None and echo.name == name and self._echoes:
+            self._taken |= echo.is_ours(fields)
+            if not self._taken and self._echoes >= ECHO_SETPOINTS:
+                self._rejection = echo.refusal
 
         What has been accepted goes on in flight, and waits for the link, as does what asks for a reboot.
         """
@@ -461,7 +492,11 @@ class CommandExecution(Execution):
         self._setpoint_ns = now_ns + round(plan.setpoint_period_s * NS_PER_S)
         self._setpoint_ms = clock_ms + round(plan.setpoint_period_s * 1000.0)
         from_ms = (self._accepted_ms or 0) if self._begun_ms is None else self._begun_ms
-        return [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
+        messages = [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
+        if plan.echo is not None and not self._taken and self._echoes < MOST_ECHOES:
+            self._echoes += 1
+            messages.append(plan.echo.ask)
+        return messages
 
     def _words(self) -> str:
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, Final
 
@@ -37,6 +38,10 @@ CENTIMETRE_M: Final = 0.01
 """It keeps heights in whole ones."""
 LEAST_HEIGHT_M: Final = 0.1
 SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
+COPTER_SPEED_MODES: Final = ("AUTO", "GUIDED", "RTL")
+PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
+"""In which the last DO_CHANGE_SPEED counts, and one is taken."""
+BEYOND_FENCE: Final = "ArduCopter flies to no point beyond its fence, and does not say so"
 _SPELLING: Final = {
     "FLY_BY_WIRE_A": "FBWA",
     "FLY_BY_WIRE_B": "FBWB",
@@ -153,7 +158,8 @@ class ArduPilotStack:
             raise Refusal(
                 f"ArduPlane takes no setpoints of this kind: {verb} is for copters, rovers and boats"
             )
-        return self._in_guided(state)
+        silent = BEYOND_FENCE if is_copter(state.vehicle_type) else ""
+        return replace(self._in_guided(state), silent_refusal=silent)
 
     def stay_at(self, state: VehicleState, goal_ned_m: Vector3, yaw: Yaw) -> list[Any]:  # noqa: ARG002
         """It keeps the last point in GUIDED."""

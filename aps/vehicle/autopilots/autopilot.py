@@ -44,6 +44,8 @@ class Manoeuvre:
     """What a refusal without words may mean."""
     rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it refuses what it has acknowledged."""
+    silent_refusal: str = ""
+    """Why it may drop a point of ours in silence; empty where it takes all."""
 
 
 @dataclass(frozen=True, slots=True)
