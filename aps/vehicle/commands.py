@@ -190,19 +190,22 @@ class CommandExecution(Execution):
         self._step = 0
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
+        self._accepted_ns = 0
+        self._mode_before = ""
+        """The mode when it was accepted."""
         self._lead: tuple[int, int] | None = None
         """The autopilot's clock, ms, and ours, ns, since when it has had setpoints, ours or of those before us."""
         self._begun_ms: int | None = None
         """The autopilot's clock at our own first one, where that is before acceptance."""
         self._setpoint_ns = 0
         self._setpoint_ms = 0
-        self._feedback_ms = 0
-        self._mode_seen = False
-        self._armed_seen = False
         self._echoes = 0
         """How often it was asked what it flies to ..."""
         self._taken = False
         """... and whether it said that it is what it was sent."""
+        self._feedback_ms = 0
+        self._mode_seen = False
+        self._armed_seen = False
         self._left_ms: int | None = None
         self._rejection = ""
         self._said_before: list[str] = []
@@ -254,14 +257,14 @@ class CommandExecution(Execution):
         """PARAM_VALUE of the autopilot, or what it says that it flies to."""
         if name == "PARAM_VALUE":
             self.on_parameter(fields["param_id"], fields["param_value"])
-
-    def on_link(self, connected: bool, now_ns: int) -> None:
-        """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
         echo = self.plan.echo
         if echo is not None and echo.name == name and self._echoes:
             self._taken |= echo.is_ours(fields)
             if not self._taken and self._echoes >= ECHO_SETPOINTS:
                 self._rejection = echo.refusal
+
+    def on_link(self, connected: bool, now_ns: int) -> None:
+        """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
 
         What has been accepted goes on in flight, and waits for the link, as does what asks for a reboot.
         """
@@ -343,6 +346,7 @@ class CommandExecution(Execution):
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
+        self._accepted_ns, self._mode_before = now_ns, state.mode
         self._setpoint_ns = now_ns
         self.tell("accepted", ": ".join(filter(None, ("accepted by the autopilot", self.plan.remark))))
         self._clock_ns = now_ns
@@ -420,7 +424,7 @@ class CommandExecution(Execution):
         if state.time_boot_ms != self._clock_ms:
             self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
         flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
-        self._mode_seen |= state.mode in plan.modes
+        self._mode_seen |= state.mode in plan.modes or self._is_in_another_mode(state)
         self._armed_seen |= state.armed
         duration_s = plan.duration_s
         if self._rejection:
@@ -456,10 +460,17 @@ class CommandExecution(Execution):
     def _was_not_entered(self, state: VehicleState, flown_ms: int) -> bool:
         """Whether what was acknowledged too early has not come about since."""
         shown = self.plan.steps[-1].shown if self.plan.steps else None
-        if shown is None or self._mode_seen:
-            return False
-        self._mode_seen = shown(state)
-        return not self._mode_seen and flown_ms > MODE_TIMEOUT_S * 1000.0
+        self._mode_seen |= shown is not None and shown(state)
+        is_told = shown is not None or (bool(self.plan.modes) and self._heartbeat_since(state))
+        return is_told and not self._mode_seen and flown_ms > MODE_TIMEOUT_S * 1000.0
+
+    def _is_in_another_mode(self, state: VehicleState) -> bool:
+        """Whether a heartbeat from after the acceptance shows another mode than before: ours, or one that followed."""
+        return state.mode != self._mode_before and self._heartbeat_since(state)
+
+    def _heartbeat_since(self, state: VehicleState) -> bool:
+        """Whether a heartbeat came after the acceptance."""
+        return state.heard_ns.get(_HEARTBEAT, 0) >= self._accepted_ns + round(SHOWN_LAG_S * NS_PER_S)
 
     def _has_left(self, state: VehicleState) -> bool:
         """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""
@@ -508,6 +519,7 @@ def reasons(texts: Iterable[StatusText]) -> list[str]:
 
 
 def _may_be_a_reason(text: StatusText) -> bool:
-    """A warning, or ArduPilot's notice of what its fence then does: ``Polygon fence breached``."""
+    """A warning, or ArduPilot's notice of what it then does: ``Polygon fence breached``, ``changing mode to RTL``."""
     words = text.text.lower()
-    return text.severity <= MAX_REASON_SEVERITY or ("fence" in words and words.endswith("breached"))
+    is_breach = "fence" in words and words.endswith("breached")
+    return text.severity <= MAX_REASON_SEVERITY or is_breach or "changing mode to" in words

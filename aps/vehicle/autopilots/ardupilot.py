@@ -143,7 +143,7 @@ class ArduPilotStack:
         steps = [self.mode_step(state, "GUIDED"), _reposition(state, FRAMES[target.frame], target.place)]
         if target.speed_mps is not None:
             kind = "air" if is_plane(state.vehicle_type) else "ground"
-            steps.append(optional(self.speed_step(state, target.speed_mps, kind)))
+            steps.append(optional(_speed_step(state, target.speed_mps, kind)))
         if target.yaw_deg is not None:
             yaw = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), target.yaw_deg % 360.0)
             steps.append(optional(yaw))
@@ -205,10 +205,14 @@ class ArduPilotStack:
         """It says why not by itself."""
         return Manoeuvre((arm_step(state),))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """DO_CHANGE_SPEED."""
-        command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
-        return command_long(state, command, SPEED_TYPES[kind], speed_mps, -1.0)
+        hint = ""
+        if is_plane(state.vehicle_type):
+            hint = _why_no_plane_speed(state, kind)
+        elif is_copter(state.vehicle_type) and state.mode not in COPTER_SPEED_MODES:
+            hint = f"ArduCopter takes speeds in {', '.join(COPTER_SPEED_MODES)}, and flies {state.mode}"
+        return Manoeuvre((_speed_step(state, speed_mps, kind),), refusal_hint=hint)
 
 
 def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float = 0.0) -> Step:
@@ -216,6 +220,20 @@ def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float =
     flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
     params = (-1.0, flags, radius_m, math.nan)
     return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), frame, params, place)
+
+
+def _speed_step(state: VehicleState, speed_mps: float, kind: str) -> Step:
+    """DO_CHANGE_SPEED."""
+    command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
+    return command_long(state, command, SPEED_TYPES[kind], speed_mps, -1.0)
+
+
+def _why_no_plane_speed(state: VehicleState, kind: str) -> str:
+    if kind in ("climb", "descent"):
+        return f"ArduPlane changes no {kind} speed on the way"
+    if state.mode not in PLANE_SPEED_MODES:
+        return f"ArduPlane takes speeds in {', '.join(PLANE_SPEED_MODES)}, and flies {state.mode}"
+    return "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"
 
 
 def _why_no_takeoff(state: VehicleState) -> str:

@@ -148,5 +148,5 @@ class FlightStack(Protocol):
     def arm(self, state: VehicleState) -> Manoeuvre:
         """Arm the motors."""
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """Change the speed; ``kind`` is one of ``air``, ``ground``, ``climb``, ``descent``."""

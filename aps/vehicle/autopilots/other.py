@@ -102,7 +102,7 @@ class OtherStack:
         """As MAVLink has it."""
         return Manoeuvre((arm_step(state),))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:  # noqa: ARG002
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:  # noqa: ARG002
         """Refused."""
         _refuse(state, "speed")
 

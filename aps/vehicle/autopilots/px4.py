@@ -233,14 +233,14 @@ class Px4Stack:
         checks = command_long(state, int(mavlink.MAV_CMD_RUN_PREARM_CHECKS))
         return Manoeuvre((replace(checks, optional=True, explains=True), arm_step(state)))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """DO_CHANGE_SPEED: the navigator takes any for the cruise speed."""
         if kind in ("climb", "descent"):
             raise Refusal(
                 f"PX4 changes no {kind} speed on the way: see MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN"
             )
         command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
-        return command_long(state, command, 0.0 if kind == "air" else 1.0, speed_mps, -1.0)
+        return Manoeuvre((command_long(state, command, 0.0 if kind == "air" else 1.0, speed_mps, -1.0),))
 
 
 def _began(start: VehicleState, now: VehicleState) -> bool:

@@ -69,13 +69,17 @@ class _End:
         self.is_stale &= (
             now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
         )
-        at_last = now.mission_total <= now.mission_current
+        at_last = self.is_at_last(now)
         landed = at_last and self.was_armed and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
         if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:
             self.last_ns = last_reached_ns
         return landed or returned or (self.last_ns is not None and not _may_land(now, self.last_ns))
+
+    def is_at_last(self, now: VehicleState) -> bool:
+        """Whether it flies the last item, as far as the autopilot says which that is; no mission has none."""
+        return now.mission_total <= now.mission_current and now.mission_total not in range(self.lowest)
 
 
 def _may_land(now: VehicleState, reached_ns: int) -> bool:
@@ -113,7 +117,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         MISSION_TIMEOUT_S,
         remaining_m=lambda now: finite_or_none(now.waypoint_distance_m),
         modes=way.modes,
-        may_leave=lambda now: now.mode in way.last_modes and now.mission_current >= now.mission_total,
+        may_leave=lambda now: now.mode in way.last_modes and end.is_at_last(now),
         leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
         refusal_hint="" if state.mission_total else "the autopilot has no mission",

@@ -9,6 +9,7 @@ from aps.vehicle.missions import fly
 from aps.vehicle.state import VehicleState
 from tests.unit.aps.vehicle.flight.test_targets import COPTER
 
+S = 1_000_000_000
 AUTO = replace(COPTER, mode="AUTO", mission_current=1, mission_total=3, mission_state="ACTIVE")
 
 
@@ -70,6 +71,22 @@ def test_a_planes_return_amid_its_mission_interrupts_it():
     for after_ms in (100, 1700):
         execution.poll(replace(plane, mode="RTL", time_boot_ms=plane.time_boot_ms + after_ms), 2)
     assert execution.result.reason == "mode changed to RTL"
+
+
+@pytest.mark.parametrize("mode", ["GUIDED", "RTL"])
+def test_a_plane_without_a_mission_ends_it_with_its_return(mode):
+    """ArduPlane takes AUTO, and returns at once: `Mission complete, changing mode to RTL`."""
+    before = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mode=mode)
+    empty = replace(before, mission_current=0, mission_total=0, mission_state="NO_MISSION")
+    execution, _ = started(empty)
+    said = {0: S}
+    for after_ms in range(1000, 13_000, 1000):
+        now = replace(empty, mode="RTL", time_boot_ms=empty.time_boot_ms + after_ms, heard_ns=said)
+        execution.poll(now, after_ms * 1_000_000)
+    assert execution.result.reason in (
+        "mode changed to RTL",
+        "accepted, but not begun within 10 s of autopilot time: RTL",
+    )
 
 
 def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
