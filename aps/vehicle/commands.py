@@ -191,8 +191,8 @@ class CommandExecution(Execution):
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
         self._accepted_ns = 0
-        self._mode_before = ""
-        """The mode when it was accepted."""
+        self._mode_before: str | None = None
+        """The mode when it began."""
         self._lead: tuple[int, int] | None = None
         """The autopilot's clock, ms, and ours, ns, since when it has had setpoints, ours or of those before us."""
         self._begun_ms: int | None = None
@@ -285,6 +285,8 @@ class CommandExecution(Execution):
             self._lead = older._lead
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
+        if self._mode_before is None:
+            self._mode_before = state.mode
         if self._accepted_ms is not None:
             return [*self._poll_goal(state, now_ns), *self._poll_setpoint(state, now_ns)]
         if self.plan.lead_s is not None:
@@ -346,7 +348,7 @@ class CommandExecution(Execution):
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
-        self._accepted_ns, self._mode_before = now_ns, state.mode
+        self._accepted_ns = now_ns
         self._setpoint_ns = now_ns
         self.tell("accepted", ": ".join(filter(None, ("accepted by the autopilot", self.plan.remark))))
         self._clock_ns = now_ns

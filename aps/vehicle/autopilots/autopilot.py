@@ -32,6 +32,8 @@ class Manoeuvre:
     """Of a mission: the modes that its last item may lead to ..."""
     return_modes: tuple[str, ...] = ()
     """... and those of them that bring it home: no item is reached then, and a fixed wing circles there."""
+    end_modes: tuple[str, ...] = ()
+    """Of a mission: the modes that it goes on to by itself when no item is left."""
     by_setpoints: bool = False
     """Whether we fly it, by setpoints that are repeated."""
     lead_s: float | None = None

@@ -218,7 +218,9 @@ class Px4Stack:
             patience_s=MISSION_PATIENCE_S,
             shown=lambda now: _began(state, now),
         )
-        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
+        return Manoeuvre(
+            (begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",), end_modes=(HOLD,)
+        )
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""

@@ -40,6 +40,7 @@ class _End:
     """When an item was last reached, before the start."""
     modes: tuple[str, ...]
     return_modes: tuple[str, ...]
+    end_modes: tuple[str, ...]
     lowest: int
     """Number of the first item."""
     is_stale: bool
@@ -73,6 +74,8 @@ class _End:
         landed = at_last and self.was_armed and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
+        if newly_reached and now.mode in self.end_modes and now.mission_reached == now.mission_current:
+            return True  # a DO_JUMP at the end is never current
         if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:
             self.last_ns = last_reached_ns
         return landed or returned or (self.last_ns is not None and not _may_land(now, self.last_ns))
@@ -106,6 +109,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         reached_ns(state),
         way.modes,
         way.return_modes,
+        way.end_modes,
         first_seq(KINDS["mission"], state.autopilot),
         repeats_last(state),
         way.steps[-1].shown or (lambda now: now.mode in way.modes or reached_since(state, now)),

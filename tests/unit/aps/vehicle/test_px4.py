@@ -232,6 +232,20 @@ def test_a_mission_of_a_ua_that_stands_where_the_one_before_has_ended_is_not_flo
     assert flight.execution.result.reason == "the UA is not armed"
 
 
+@pytest.mark.parametrize(("current", "is_done"), [(1, True), (2, False)])
+def test_a_mission_whose_jumps_at_the_end_are_done_is_done(current, is_done):
+    """PX4 goes on to hold from the item that it has reached; a pilot has it hold on the way to another."""
+    start = replace(HOVERS, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION", mission_current=1, mission_reached=0, heard_ns={46: S})
+    flight.run(1.0, mission_current=current, mission_reached=1, heard_ns={46: 3 * S})
+    assert flight.execution.result is None
+    flight.run(2.0, mode="AUTO.LOITER")
+    assert flight.execution.result.reached is is_done
+
+
 def test_a_mission_that_ends_in_the_air_is_done_with_its_last_item():
     assert at_its_last_item("in_air").execution.result.reached
 

@@ -73,20 +73,26 @@ def test_a_planes_return_amid_its_mission_interrupts_it():
     assert execution.result.reason == "mode changed to RTL"
 
 
-@pytest.mark.parametrize("mode", ["GUIDED", "RTL"])
-def test_a_plane_without_a_mission_ends_it_with_its_return(mode):
-    """ArduPlane takes AUTO, and returns at once: `Mission complete, changing mode to RTL`."""
+@pytest.mark.parametrize(
+    ("mode", "after_s", "reason"),
+    [
+        ("GUIDED", 3, "mode changed to RTL"),
+        ("RTL", 11, "accepted, but not begun within 10 s of autopilot time: RTL"),
+    ],
+)
+def test_a_plane_without_a_mission_ends_it_with_its_return(mode, after_s, reason):
+    """ArduPlane takes AUTO, and returns at once; a heartbeat shows that before MISSION_START is refused."""
     before = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mode=mode)
     empty = replace(before, mission_current=0, mission_total=0, mission_state="NO_MISSION")
-    execution, _ = started(empty)
-    said = {0: S}
-    for after_ms in range(1000, 13_000, 1000):
-        now = replace(empty, mode="RTL", time_boot_ms=empty.time_boot_ms + after_ms, heard_ns=said)
-        execution.poll(now, after_ms * 1_000_000)
-    assert execution.result.reason in (
-        "mode changed to RTL",
-        "accepted, but not begun within 10 s of autopilot time: RTL",
-    )
+    execution = CommandExecution(fly.fly(empty))
+    for asked, shown in ((176, empty), (300, replace(empty, mode="RTL"))):
+        execution.poll(shown, 0)
+        execution.on_ack(asked, 0)
+    for passed_s in range(after_s + 1):
+        assert execution.result is None
+        now = replace(empty, mode="RTL", time_boot_ms=empty.time_boot_ms + 1000 * passed_s)
+        execution.poll(replace(now, heard_ns={0: passed_s * S}), passed_s * S)
+    assert execution.result.reason == reason
 
 
 def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
