@@ -41,6 +41,10 @@ SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
 COPTER_SPEED_MODES: Final = ("AUTO", "GUIDED", "RTL")
 PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
 """In which the last DO_CHANGE_SPEED counts, and one is taken."""
+NOWHERE_E7: Final = 10_000_000
+"""1 degree: it does not get so far before it has a fix."""
+HOME_AT_ZERO_MM: Final = 20
+"""Between its two heights, where home is at 0 m: they are rounded apart."""
 BEYOND_FENCE: Final = "ArduCopter flies to no point beyond its fence, and does not say so"
 _SPELLING: Final = {
     "FLY_BY_WIRE_A": "FBWA",
@@ -80,7 +84,6 @@ class ArduPilotStack:
     name = "ArduPilot"
     home_is_an_item = True
     zero_is_here = True
-    guesses_place = True
     bytewise_parameters = False
     packed_parameters = True
     unrepeatable: Mapping[int, str] = {
@@ -118,6 +121,11 @@ class ArduPilotStack:
     def ready_to_arm(self, enabled: int, health: int) -> bool:
         """Its checks may be switched off."""
         return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
+
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
+        """It reckons from 0 N 0 E before it has a fix, and from a height of 0 m before it has a home (AP_AHRS_DCM)."""
+        at_nowhere = abs(lat_e7) < NOWHERE_E7 and abs(lon_e7) < NOWHERE_E7
+        return at_nowhere or abs(alt_mm - alt_rel_mm) <= HOME_AT_ZERO_MM
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set."""

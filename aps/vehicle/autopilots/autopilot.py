@@ -82,9 +82,6 @@ class FlightStack(Protocol):
     """Whether home is item 0 of its missions."""
     zero_is_here: bool
     """Whether an item without a place is sent with 0, 0, where it is when the item's turn comes, or needs one."""
-    guesses_place: bool
-    """Whether it sends a place before it has one, reckoned from 0 N 0 E: it has one once there is a home, or its
-    estimator says so."""
     bytewise_parameters: bool
     """Whether whole numbers are the four bytes of a PARAM_VALUE's float."""
     packed_parameters: bool
@@ -113,6 +110,9 @@ class FlightStack(Protocol):
 
     def ready_to_arm(self, enabled: int, health: int) -> bool:
         """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
+
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
+        """Whether it may have no place yet though it sends one, while it has told neither a home nor that it is sure."""
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """To a height above home."""

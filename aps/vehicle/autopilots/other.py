@@ -22,7 +22,6 @@ class OtherStack:
     name = "another autopilot"
     home_is_an_item = False
     zero_is_here = False
-    guesses_place = False
     bytewise_parameters = False
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {
@@ -53,6 +52,10 @@ class OtherStack:
     def ready_to_arm(self, enabled: int, health: int) -> bool:
         """As MAVLink has it."""
         return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
+
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:  # noqa: ARG002
+        """Not known of."""
+        return False
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:  # noqa: ARG002
         """Refused."""

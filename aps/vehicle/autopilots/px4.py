@@ -70,7 +70,6 @@ class Px4Stack:
     name = "PX4"
     home_is_an_item = False
     zero_is_here = False
-    guesses_place = False
     bytewise_parameters = True
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {
@@ -120,6 +119,10 @@ class Px4Stack:
     def ready_to_arm(self, enabled: int, health: int) -> bool:  # noqa: ARG002
         """It names the check among what is healthy alone."""
         return bool(health & PREARM_CHECK)
+
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:  # noqa: ARG002
+        """It sends one once it has it."""
+        return False
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """NAV_TAKEOFF here, whatever the vehicle; it holds once it is there."""
