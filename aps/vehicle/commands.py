@@ -30,13 +30,14 @@ from aps.timeouts import (
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Outcome
 from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
-from aps.wire.dialect import enum_label, mavlink
+from aps.wire.dialect import enum_label, mavlink, message_class
 
 __all__ = [
     "CommandExecution",
     "CommandPlan",
     "CommandProgress",
     "CommandResult",
+    "Echo",
     "Outcome",
     "Step",
     "reasons",
@@ -58,6 +59,10 @@ _IN_PROGRESS: Final = int(mavlink.MAV_RESULT_IN_PROGRESS)
 _NOT_NOW: Final = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 AGAIN_S: Final = 0.25
 """After so long a step that was rejected for now is sent again."""
+ECHO_SETPOINTS: Final = 5
+"""So many setpoints in a row do not get lost."""
+MOST_ECHOES: Final = 10
+"""That are asked for: it may have no such message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,19 @@ class Step:
     """Of a mode that is acknowledged before it is entered: whether the state shows that it was. If a later heartbeat
     does not, it counts as rejected for now; without heartbeats it has MODE_TIMEOUT_S of the autopilot's time. Of a
     mission's last step, all that shows that the mission has begun."""
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """A message in which the autopilot says what it flies to: nothing else acknowledges a setpoint."""
+
+    name: str
+    ask: Any
+    """Message that asks for it, with each setpoint until one was taken."""
+    is_ours: Callable[[Mapping[str, Any]], bool]
+    """Whether its fields say that the setpoint was taken."""
+    refusal: str
+    """What it means when it says something else after ECHO_SETPOINTS of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +132,8 @@ class CommandPlan:
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
+    echo: Echo | None = None
+    """How it is known that setpoints are taken, where an autopilot may drop them in silence."""
     may_leave: Callable[[VehicleState], bool] = lambda _: False
     """Whether having left them in this state is a part of it ..."""
     leave_grace_ms: int = 0
@@ -165,15 +185,24 @@ class CommandExecution(Execution):
         self.plan = plan
         if any(step.parameter for step in plan.steps):
             self.wanted = frozenset({_PARAM_VALUE})
+        if plan.echo is not None:
+            self.wanted |= {int(message_class(plan.echo.name).id)}
         self._step = 0
         self._waiting = _Waiting()
         self._accepted_ms: int | None = None
+        self._accepted_ns = 0
+        self._mode_before: str | None = None
+        """The mode when it began."""
         self._lead: tuple[int, int] | None = None
         """The autopilot's clock, ms, and ours, ns, since when it has had setpoints, ours or of those before us."""
         self._begun_ms: int | None = None
         """The autopilot's clock at our own first one, where that is before acceptance."""
         self._setpoint_ns = 0
         self._setpoint_ms = 0
+        self._echoes = 0
+        """How often it was asked what it flies to ..."""
+        self._taken = False
+        """... and whether it said that it is what it was sent."""
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
@@ -225,9 +254,14 @@ class CommandExecution(Execution):
         self._said_before = reasons(texts)
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
-        """PARAM_VALUE of the autopilot."""
+        """PARAM_VALUE of the autopilot, or what it says that it flies to."""
         if name == "PARAM_VALUE":
             self.on_parameter(fields["param_id"], fields["param_value"])
+        echo = self.plan.echo
+        if echo is not None and echo.name == name and self._echoes:
+            self._taken |= echo.is_ours(fields)
+            if not self._taken and self._echoes >= ECHO_SETPOINTS:
+                self._rejection = echo.refusal
 
     def on_link(self, connected: bool, now_ns: int) -> None:
         """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
@@ -251,6 +285,8 @@ class CommandExecution(Execution):
             self._lead = older._lead
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
+        if self._mode_before is None:
+            self._mode_before = state.mode
         if self._accepted_ms is not None:
             return [*self._poll_goal(state, now_ns), *self._poll_setpoint(state, now_ns)]
         if self.plan.lead_s is not None:
@@ -312,6 +348,7 @@ class CommandExecution(Execution):
         if self._step < len(self.plan.steps):
             return True
         self._accepted_ms = self._feedback_ms = state.time_boot_ms
+        self._accepted_ns = now_ns
         self._setpoint_ns = now_ns
         self.tell("accepted", ": ".join(filter(None, ("accepted by the autopilot", self.plan.remark))))
         self._clock_ns = now_ns
@@ -389,7 +426,7 @@ class CommandExecution(Execution):
         if state.time_boot_ms != self._clock_ms:
             self._clock_ms, self._clock_ns = state.time_boot_ms, now_ns
         flown_ms = state.time_boot_ms - (self._accepted_ms or 0)
-        self._mode_seen |= state.mode in plan.modes
+        self._mode_seen |= state.mode in plan.modes or self._is_in_another_mode(state)
         self._armed_seen |= state.armed
         duration_s = plan.duration_s
         if self._rejection:
@@ -425,10 +462,17 @@ class CommandExecution(Execution):
     def _was_not_entered(self, state: VehicleState, flown_ms: int) -> bool:
         """Whether what was acknowledged too early has not come about since."""
         shown = self.plan.steps[-1].shown if self.plan.steps else None
-        if shown is None or self._mode_seen:
-            return False
-        self._mode_seen = shown(state)
-        return not self._mode_seen and flown_ms > MODE_TIMEOUT_S * 1000.0
+        self._mode_seen |= shown is not None and shown(state)
+        is_told = shown is not None or (bool(self.plan.modes) and self._heartbeat_since(state))
+        return is_told and not self._mode_seen and flown_ms > MODE_TIMEOUT_S * 1000.0
+
+    def _is_in_another_mode(self, state: VehicleState) -> bool:
+        """Whether a heartbeat from after the acceptance shows another mode than before: ours, or one that followed."""
+        return state.mode != self._mode_before and self._heartbeat_since(state)
+
+    def _heartbeat_since(self, state: VehicleState) -> bool:
+        """Whether a heartbeat came after the acceptance."""
+        return state.heard_ns.get(_HEARTBEAT, 0) >= self._accepted_ns + round(SHOWN_LAG_S * NS_PER_S)
 
     def _has_left(self, state: VehicleState) -> bool:
         """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""
@@ -461,7 +505,11 @@ class CommandExecution(Execution):
         self._setpoint_ns = now_ns + round(plan.setpoint_period_s * NS_PER_S)
         self._setpoint_ms = clock_ms + round(plan.setpoint_period_s * 1000.0)
         from_ms = (self._accepted_ms or 0) if self._begun_ms is None else self._begun_ms
-        return [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
+        messages = [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
+        if plan.echo is not None and not self._taken and self._echoes < MOST_ECHOES:
+            self._echoes += 1
+            messages.append(plan.echo.ask)
+        return messages
 
     def _words(self) -> str:
         return f" ({self._waiting.texts[-1]})" if self._waiting.texts else ""
@@ -473,6 +521,7 @@ def reasons(texts: Iterable[StatusText]) -> list[str]:
 
 
 def _may_be_a_reason(text: StatusText) -> bool:
-    """A warning, or ArduPilot's notice of what its fence then does: ``Polygon fence breached``."""
+    """A warning, or ArduPilot's notice of what it then does: ``Polygon fence breached``, ``changing mode to RTL``."""
     words = text.text.lower()
-    return text.severity <= MAX_REASON_SEVERITY or ("fence" in words and words.endswith("breached"))
+    is_breach = "fence" in words and words.endswith("breached")
+    return text.severity <= MAX_REASON_SEVERITY or is_breach or "changing mode to" in words

@@ -224,8 +224,9 @@ class Telemetry:
         if not self._on_earth(lat, lon):
             return
         values = self._values
-        is_known = lat or lon or "home_lat_deg" in values  # to ArduPilot, before it has a home, it is 0, 0
-        if is_known:
+        is_known = "lat_deg" in values or "home_lat_deg" in values or values.get("position_ok", False)
+        is_guess = autopilot_of(self.autopilot).is_guess(lat, lon, alt_mm, alt_rel_mm)
+        if is_known or ((lat or lon) and not is_guess):
             values["lat_deg"], values["lon_deg"] = lat * 1e-7, lon * 1e-7
             values["alt_amsl_m"], values["alt_rel_m"] = alt_mm * 1e-3, alt_rel_mm * 1e-3
         if not self._has_local:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, Final
 
@@ -37,6 +38,14 @@ CENTIMETRE_M: Final = 0.01
 """It keeps heights in whole ones."""
 LEAST_HEIGHT_M: Final = 0.1
 SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
+COPTER_SPEED_MODES: Final = ("AUTO", "GUIDED", "RTL")
+PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
+"""In which the last DO_CHANGE_SPEED counts, and one is taken."""
+NOWHERE_E7: Final = 10_000_000
+"""1 degree: it does not get so far before it has a fix."""
+HOME_AT_ZERO_MM: Final = 20
+"""Between its two heights, where home is at 0 m: they are rounded apart."""
+BEYOND_FENCE: Final = "ArduCopter flies to no point beyond its fence, and does not say so"
 _SPELLING: Final = {
     "FLY_BY_WIRE_A": "FBWA",
     "FLY_BY_WIRE_B": "FBWB",
@@ -113,6 +122,11 @@ class ArduPilotStack:
         """Its checks may be switched off."""
         return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
 
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
+        """It reckons from 0 N 0 E before it has a fix, and from a height of 0 m before it has a home (AP_AHRS_DCM)."""
+        at_nowhere = abs(lat_e7) < NOWHERE_E7 and abs(lon_e7) < NOWHERE_E7
+        return at_nowhere or abs(alt_mm - alt_rel_mm) <= HOME_AT_ZERO_MM
+
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set."""
         if is_fixed_wing(state):
@@ -137,7 +151,7 @@ class ArduPilotStack:
         steps = [self.mode_step(state, "GUIDED"), _reposition(state, FRAMES[target.frame], target.place)]
         if target.speed_mps is not None:
             kind = "air" if is_plane(state.vehicle_type) else "ground"
-            steps.append(optional(self.speed_step(state, target.speed_mps, kind)))
+            steps.append(optional(_speed_step(state, target.speed_mps, kind)))
         if target.yaw_deg is not None:
             yaw = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), target.yaw_deg % 360.0)
             steps.append(optional(yaw))
@@ -152,7 +166,8 @@ class ArduPilotStack:
             raise Refusal(
                 f"ArduPlane takes no setpoints of this kind: {verb} is for copters, rovers and boats"
             )
-        return self._in_guided(state)
+        silent = BEYOND_FENCE if is_copter(state.vehicle_type) else ""
+        return replace(self._in_guided(state), silent_refusal=silent)
 
     def stay_at(self, state: VehicleState, goal_ned_m: Vector3, yaw: Yaw) -> list[Any]:  # noqa: ARG002
         """It keeps the last point in GUIDED."""
@@ -198,10 +213,14 @@ class ArduPilotStack:
         """It says why not by itself."""
         return Manoeuvre((arm_step(state),))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """DO_CHANGE_SPEED."""
-        command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
-        return command_long(state, command, SPEED_TYPES[kind], speed_mps, -1.0)
+        hint = ""
+        if is_plane(state.vehicle_type):
+            hint = _why_no_plane_speed(state, kind)
+        elif is_copter(state.vehicle_type) and state.mode not in COPTER_SPEED_MODES:
+            hint = f"ArduCopter takes speeds in {', '.join(COPTER_SPEED_MODES)}, and flies {state.mode}"
+        return Manoeuvre((_speed_step(state, speed_mps, kind),), refusal_hint=hint)
 
 
 def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float = 0.0) -> Step:
@@ -209,6 +228,20 @@ def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float =
     flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
     params = (-1.0, flags, radius_m, math.nan)
     return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), frame, params, place)
+
+
+def _speed_step(state: VehicleState, speed_mps: float, kind: str) -> Step:
+    """DO_CHANGE_SPEED."""
+    command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
+    return command_long(state, command, SPEED_TYPES[kind], speed_mps, -1.0)
+
+
+def _why_no_plane_speed(state: VehicleState, kind: str) -> str:
+    if kind in ("climb", "descent"):
+        return f"ArduPlane changes no {kind} speed on the way"
+    if state.mode not in PLANE_SPEED_MODES:
+        return f"ArduPlane takes speeds in {', '.join(PLANE_SPEED_MODES)}, and flies {state.mode}"
+    return "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"
 
 
 def _why_no_takeoff(state: VehicleState) -> str:

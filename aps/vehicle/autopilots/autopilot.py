@@ -32,6 +32,8 @@ class Manoeuvre:
     """Of a mission: the modes that its last item may lead to ..."""
     return_modes: tuple[str, ...] = ()
     """... and those of them that bring it home: no item is reached then, and a fixed wing circles there."""
+    end_modes: tuple[str, ...] = ()
+    """Of a mission: the modes that it goes on to by itself when no item is left."""
     by_setpoints: bool = False
     """Whether we fly it, by setpoints that are repeated."""
     lead_s: float | None = None
@@ -44,6 +46,8 @@ class Manoeuvre:
     """What a refusal without words may mean."""
     rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it refuses what it has acknowledged."""
+    silent_refusal: str = ""
+    """Why it may drop a point of ours in silence; empty where it takes all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +111,9 @@ class FlightStack(Protocol):
     def ready_to_arm(self, enabled: int, health: int) -> bool:
         """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
 
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
+        """Whether it may have no place yet though it sends one, while it has told neither a home nor that it is sure."""
+
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """To a height above home."""
 
@@ -143,5 +150,5 @@ class FlightStack(Protocol):
     def arm(self, state: VehicleState) -> Manoeuvre:
         """Arm the motors."""
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """Change the speed; ``kind`` is one of ``air``, ``ground``, ``climb``, ``descent``."""

@@ -53,6 +53,10 @@ class OtherStack:
         """As MAVLink has it."""
         return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
 
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:  # noqa: ARG002
+        """Not known of."""
+        return False
+
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:  # noqa: ARG002
         """Refused."""
         _refuse(state, "takeoff")
@@ -101,7 +105,7 @@ class OtherStack:
         """As MAVLink has it."""
         return Manoeuvre((arm_step(state),))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:  # noqa: ARG002
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:  # noqa: ARG002
         """Refused."""
         _refuse(state, "speed")
 

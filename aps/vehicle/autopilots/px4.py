@@ -120,6 +120,10 @@ class Px4Stack:
         """It names the check among what is healthy alone."""
         return bool(health & PREARM_CHECK)
 
+    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:  # noqa: ARG002
+        """It sends one once it has it."""
+        return False
+
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """NAV_TAKEOFF here, whatever the vehicle; it holds once it is there."""
         _armed(state, "takeoff")
@@ -217,7 +221,9 @@ class Px4Stack:
             patience_s=MISSION_PATIENCE_S,
             shown=lambda now: _began(state, now),
         )
-        return Manoeuvre((begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",))
+        return Manoeuvre(
+            (begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",), end_modes=(HOLD,)
+        )
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:
         """MISSION_SET_CURRENT, which nothing acknowledges: not all versions know the command."""
@@ -232,14 +238,14 @@ class Px4Stack:
         checks = command_long(state, int(mavlink.MAV_CMD_RUN_PREARM_CHECKS))
         return Manoeuvre((replace(checks, optional=True, explains=True), arm_step(state)))
 
-    def speed_step(self, state: VehicleState, speed_mps: float, kind: str) -> Step:
+    def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """DO_CHANGE_SPEED: the navigator takes any for the cruise speed."""
         if kind in ("climb", "descent"):
             raise Refusal(
                 f"PX4 changes no {kind} speed on the way: see MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN"
             )
         command = int(mavlink.MAV_CMD_DO_CHANGE_SPEED)
-        return command_long(state, command, 0.0 if kind == "air" else 1.0, speed_mps, -1.0)
+        return Manoeuvre((command_long(state, command, 0.0 if kind == "air" else 1.0, speed_mps, -1.0),))
 
 
 def _began(start: VehicleState, now: VehicleState) -> bool:

@@ -11,7 +11,7 @@ from typing import Final
 
 from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S, REBOOT_TIMEOUT_S
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import ARMING, CommandPlan, Step
+from aps.vehicle.commands import ARMING, CommandPlan
 from aps.vehicle.flight.setpoints import SLOWEST_MPS
 from aps.vehicle.flight.steps import (
     checked,
@@ -32,7 +32,6 @@ __all__ = [
     "reboot",
     "rtl",
     "set_mode",
-    "speed_step",
     "takeoff",
 ]
 
@@ -98,6 +97,7 @@ def set_mode(state: VehicleState, mode: str) -> CommandPlan:
         (autopilot.mode_step(state, name),),
         lambda now: now.mode == name,
         MODE_TIMEOUT_S,
+        modes=(name,),
         stick_mode=autopilot.stick_mode(state, name),
         remark="" if name == asked else f"{asked} is {name} of {autopilot.name}",
     )
@@ -178,18 +178,6 @@ def land(state: VehicleState) -> CommandPlan:
 SPEED_KINDS: Final = ("air", "ground", "climb", "descent")
 
 
-def speed_step(state: VehicleState, speed_mps: float, kind: str) -> Step:
-    """DO_CHANGE_SPEED.
-
-    Raises:
-        ValueError: the speed is out of range, or there is no such kind.
-    """
-    if kind not in SPEED_KINDS:
-        raise ValueError(f"kind {kind!r} is none of {', '.join(SPEED_KINDS)}")
-    speed = checked("speed_mps", speed_mps, 0.1, 200.0)
-    return autopilot_of(state.autopilot).speed_step(state, speed, kind)
-
-
 def change_speed(state: VehicleState, speed_mps: float, kind: str | None = None) -> CommandPlan:
     """Change the speed that the autopilot flies at in GUIDED and AUTO, without changing where it flies to.
 
@@ -200,8 +188,11 @@ def change_speed(state: VehicleState, speed_mps: float, kind: str | None = None)
     """
     if kind is None:
         kind = "air" if is_plane(state.vehicle_type) else "ground"
+    if kind not in SPEED_KINDS:
+        raise ValueError(f"kind {kind!r} is none of {', '.join(SPEED_KINDS)}")
+    way = autopilot_of(state.autopilot).speed(state, checked("speed_mps", speed_mps, 0.1, 200.0), kind)
     return CommandPlan(
-        "speed", (speed_step(state, speed_mps, kind),), lambda _: True, MODE_TIMEOUT_S, occupies=""
+        "speed", way.steps, lambda _: True, MODE_TIMEOUT_S, refusal_hint=way.refusal_hint, occupies=""
     )
 
 

@@ -11,10 +11,20 @@ from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
-__all__ = ["ZERO", "Place", "Yaw", "global_setpoint", "leg_s", "local_setpoint", "offset_deg", "place_of"]
+__all__ = [
+    "NO_POSITION",
+    "ZERO",
+    "Place",
+    "Yaw",
+    "global_setpoint",
+    "leg_s",
+    "local_setpoint",
+    "offset_deg",
+    "place_of",
+]
 
 # POSITION_TARGET_TYPEMASK: bits of what is to be ignored.
-_NO_POSITION: Final = 0x007
+NO_POSITION: Final = 0x007
 _NO_VELOCITY: Final = 0x038
 _NO_ACCELERATION: Final = 0x1C0
 _NO_YAW: Final = 0x400
@@ -57,7 +67,7 @@ def local_setpoint(
 ) -> Any:
     """SET_POSITION_TARGET_LOCAL_NED; what is ``None`` is left to the autopilot."""
     mask = _NO_ACCELERATION | yaw.mask
-    mask |= _NO_POSITION if position_m is None else 0
+    mask |= NO_POSITION if position_m is None else 0
     mask |= _NO_VELOCITY if velocity_mps is None else 0
     return mavlink.MAVLink_set_position_target_local_ned_message(
         state.time_boot_ms & 0xFFFFFFFF,

@@ -8,17 +8,17 @@ repeats them, as autopilots want it (ArduCopter stops 3 s after the last velocit
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.autopilot import Target
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan
+from aps.vehicle.commands import CommandPlan, Echo
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import PLANE_RADIUS_M
-from aps.vehicle.flight.setpoints import ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
-from aps.vehicle.flight.steps import checked, finite_or_none, horizontal_distance_m
+from aps.vehicle.flight.setpoints import NO_POSITION, ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
+from aps.vehicle.flight.steps import checked, command_long, finite_or_none, horizontal_distance_m
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import is_ground, is_plane, mavlink
 
@@ -33,6 +33,9 @@ LEAST_RATE_HZ: Final = 1.0
 MOST_RATE_HZ: Final = 50.0
 POINT_PERIOD_S: Final = 1.0
 """Between two repetitions of a point."""
+ECHO_M: Final = 0.5
+"""From a point that was taken to what the autopilot says of it; it keeps centimetres."""
+_ECHO: Final = mavlink.MAVLink_position_target_local_ned_message
 
 FRAMES: Final = ("relative", "amsl", "terrain")
 """What a height counts from: home, mean sea level, the ground below."""
@@ -202,7 +205,19 @@ def goto_ned(
         setpoint_period_s=min(POINT_PERIOD_S, way.longest_period_s),
         lead_s=way.lead_s,
         stop_messages=lambda now: autopilot.stay_at(now, goal, yaw),
+        echo=_echo(state, goal, way.silent_refusal) if way.silent_refusal else None,
     )
+
+
+def _echo(state: VehicleState, goal: Vector3, why: str) -> Echo:
+    """POSITION_TARGET_LOCAL_NED, by which an autopilot says what point it flies to."""
+
+    def is_ours(fields: Mapping[str, Any]) -> bool:
+        target = fields["x"], fields["y"], fields["z"]
+        return not fields["type_mask"] & NO_POSITION and math.dist(target, goal) <= ECHO_M
+
+    ask = command_long(state, int(mavlink.MAV_CMD_REQUEST_MESSAGE), float(_ECHO.id)).message(0)
+    return Echo(_ECHO.msgname, ask, is_ours, f"the autopilot does not take this point: {why}")
 
 
 def _from_origin(state: VehicleState, offset_m: Vector3, frame: str) -> Vector3:

@@ -26,13 +26,15 @@ LAST_ITEM_GRACE_MS: Final = 1500
 """Between a heartbeat that shows the mode to which the last item leads, and the MISSION_CURRENT of that item (1 Hz); or
 between a MISSION_CURRENT that is back at the first item, as ArduPilot disarms, and the heartbeat of that (1 Hz)."""
 
+_LANDED_STATE: Final = 245
+
 
 @dataclass
 class _End:
     """Whether the mission is complete: the state at the start may still be that of the flight before.
 
-    The autopilot says so; one that does not has reached the last item, has landed, or (a fixed wing whose last item is
-    a return) circles over home.
+    The autopilot says so; one that does not has reached the last item and does not land there, has landed, or (a fixed
+    wing whose last item is a return) circles over home.
     """
 
     start_ms: int
@@ -40,22 +42,28 @@ class _End:
     """When an item was last reached, before the start."""
     modes: tuple[str, ...]
     return_modes: tuple[str, ...]
+    end_modes: tuple[str, ...]
     lowest: int
     """Number of the first item."""
     is_stale: bool
     """Whether it still repeats that it has reached the last item, of the flight before."""
     began: Callable[[VehicleState], bool]
     """Whether a state shows that it was begun."""
+    was_armed: bool = False
+    """Whether it was armed since: a UA that stands where the flight before has landed it has not flown this one."""
     begun: bool = False
     started: bool = False
     started_reached_ns: int = -1
     """When an item was last reached, as known when the mission was first seen to be flown."""
     last_item_ms: float = -inf
-    """When it was last at its last item."""
+    """When it was last at its last item, by the autopilot's clock."""
+    last_ns: int | None = None
+    """When the last item was first said to be reached."""
 
     def is_there(self, now: VehicleState) -> bool:
         last_reached_ns = reached_ns(now)
         self.begun |= self.began(now)
+        self.was_armed |= now.armed
         if not self.started:
             self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
             self.started_reached_ns = last_reached_ns
@@ -66,13 +74,31 @@ class _End:
         self.is_stale &= (
             now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
         )
-        at_last = now.mission_total <= now.mission_current
+        at_last = self.is_at_last(now)
         if at_last:
             self.last_item_ms = now.time_boot_ms
-        landed = not now.armed and now.time_boot_ms - self.last_item_ms <= LAST_ITEM_GRACE_MS
+        was_at_last = now.time_boot_ms - self.last_item_ms <= LAST_ITEM_GRACE_MS
+        landed = was_at_last and self.was_armed and not now.armed
         returned = at_last and now.mode in self.return_modes and circles_home(now)
         newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
-        return landed or returned or (newly_reached and now.mission_reached == now.mission_total)
+        if newly_reached and now.mode in self.end_modes and now.mission_reached == now.mission_current:
+            return True  # a DO_JUMP at the end is never current
+        if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:
+            self.last_ns = last_reached_ns
+        return landed or returned or (self.last_ns is not None and not _may_land(now, self.last_ns))
+
+    def is_at_last(self, now: VehicleState) -> bool:
+        """Whether it flies the last item, as far as the autopilot says which that is; no mission has none."""
+        return now.mission_total <= now.mission_current and now.mission_total not in range(self.lowest)
+
+
+def _may_land(now: VehicleState, reached_ns: int) -> bool:
+    """Whether it sinks where it has reached its last item, or has not said since that it does not.
+
+    PX4 reaches NAV_LAND above the place, and then begins to land (MissionBase::handleLanding).
+    """
+    heard_ns = now.heard_ns.get(_LANDED_STATE)
+    return heard_ns is not None and (heard_ns <= reached_ns or now.landed_state == "landing")
 
 
 def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
@@ -90,6 +116,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         reached_ns(state),
         way.modes,
         way.return_modes,
+        way.end_modes,
         first_seq(KINDS["mission"], state.autopilot),
         repeats_last(state),
         way.steps[-1].shown or (lambda now: now.mode in way.modes or reached_since(state, now)),
@@ -101,7 +128,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         MISSION_TIMEOUT_S,
         remaining_m=lambda now: finite_or_none(now.waypoint_distance_m),
         modes=way.modes,
-        may_leave=lambda now: now.mode in way.last_modes and now.mission_current >= now.mission_total,
+        may_leave=lambda now: now.mode in way.last_modes and end.is_at_last(now),
         leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
         refusal_hint="" if state.mission_total else "the autopilot has no mission",

@@ -51,6 +51,15 @@ async def test_arducopter_state_streams_and_commands(copter):
     steps_ms = [after.time_boot_ms - before.time_boot_ms for before, after in itertools.pairwise(states)]
     assert sum(steps_ms) / len(steps_ms) == pytest.approx(100.0, abs=15.0)
     assert copter.state.position_ned_m[0] == pytest.approx(60.0, abs=3.0)
+    fence = {"FENCE_TYPE": 2.0, "FENCE_RADIUS": 100.0, "FENCE_ENABLE": 1.0}
+    assert (await commands.run("parameters_set", fence)).reached
+    result = await commands.run("goto_ned", 150.0, 0.0, -25.0)
+    assert (result.outcome, result.reason.endswith("beyond its fence, and does not say so")) == (
+        Outcome.REFUSED,
+        True,
+    )
+    result = await commands.run("goto_ned", 50.0, 0.0, -25.0)
+    assert result.reached, result
     assert (await commands.disarm()).outcome is Outcome.REFUSED
     result = await commands.rtl()
     assert result.reached, result

@@ -54,6 +54,22 @@ async def test_px4_flies_by_every_verb(copter):
     assert copter.hub.primary.framer.counters.bad_crc == 0
 
 
+async def test_a_mission_that_ends_with_a_landing_is_done_on_the_ground(copter):
+    commands, home = copter.commands, copter.state
+    for result in (await commands.set_mode("GUIDED"), await commands.arm(), await commands.takeoff(6.0)):
+        assert result.reached, result
+    land = [0, 0, 0, None, *away(home, 8.0, 8.0), 0]
+    items = [
+        MissionItem.waypoint(*away(home, 8.0, 0.0), 6.0),
+        MissionItem.from_json({"command": "NAV_LAND", "params": land}),
+    ]
+    assert (await commands.run("mission_upload", items)).reached
+    result = await commands.run("mission")
+    assert result.reached, result
+    assert copter.state.landed_state == "on_ground"
+    assert math.dist(copter.state.position_ned_m[:2], (8.0, 8.0)) < 2.0
+
+
 async def test_pymavlink_reads_and_sets_parameters_of_both_kinds(copter):
     def client():
         link = mavutil.mavlink_connection(f"tcp:127.0.0.1:{copter.listen_port}", source_system=255)

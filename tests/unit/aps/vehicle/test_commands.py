@@ -251,6 +251,68 @@ def test_a_mode_not_yet_shown_by_the_heartbeat_is_no_interruption():
     assert execution.result is None
 
 
+@pytest.mark.parametrize(
+    "said", ["Mission complete, changing mode to RTL", "Battery failsafe"], ids=["ArduPlane", "a warning"]
+)
+def test_a_mode_that_is_left_before_a_heartbeat_shows_it_ends_with_the_autopilots_words(said):
+    """ArduPlane's AUTO without a mission is RTL by the next heartbeat; a heartbeat from before may be on its way."""
+    execution = CommandExecution(plans.set_mode(FLYING, "AUTO"))
+    accepted(execution, FLYING)
+    execution.on_text(StatusText(6 if "mode" in said else 4, said))
+    execution.poll(replace(FLYING, mode="LOITER", heard_ns={0: S // 10}), S // 2)
+    assert execution.result is None
+    execution.poll(replace(FLYING, mode="RTL", heard_ns={0: S}), S)
+    assert execution.result.reason == f"mode changed to RTL ({said})"
+
+
+def test_a_mode_that_does_not_come_is_told_with_that_which_stays():
+    execution = CommandExecution(plans.set_mode(FLYING, "AUTO"))
+    accepted(execution, FLYING)
+    late = replace(FLYING, time_boot_ms=70_100)
+    execution.poll(late, S)
+    assert execution.result.reason == "not there after 10 s of autopilot time"
+    execution = CommandExecution(plans.set_mode(FLYING, "AUTO"))
+    accepted(execution, FLYING)
+    execution.poll(replace(late, heard_ns={0: S}), S)
+    assert execution.result.reason == "accepted, but not begun within 10 s of autopilot time: GUIDED"
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "mode", "kind", "hint"),
+    [
+        (
+            mavlink.MAV_TYPE_FIXED_WING,
+            "TAKEOFF",
+            None,
+            "ArduPlane takes speeds in AUTO, GUIDED, and flies TAKEOFF",
+        ),
+        (
+            mavlink.MAV_TYPE_FIXED_WING,
+            "RTL",
+            "ground",
+            "ArduPlane takes speeds in AUTO, GUIDED, and flies RTL",
+        ),
+        (mavlink.MAV_TYPE_FIXED_WING, "GUIDED", "air", "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"),
+        (mavlink.MAV_TYPE_FIXED_WING, "GUIDED", "climb", "ArduPlane changes no climb speed on the way"),
+        (
+            mavlink.MAV_TYPE_QUADROTOR,
+            "LAND",
+            None,
+            "ArduCopter takes speeds in AUTO, GUIDED, RTL, and flies LAND",
+        ),
+        (mavlink.MAV_TYPE_QUADROTOR, "RTL", None, "DO_CHANGE_SPEED; the autopilot does not say why"),
+    ],
+)
+def test_a_speed_that_is_refused_without_words_has_the_likely_cause(vehicle, mode, kind, hint):
+    state = replace(FLYING, vehicle_type=vehicle, mode=mode)
+    execution = CommandExecution(plans.change_speed(state, 22.0, kind))
+    execution.poll(state, 0)
+    execution.on_ack(SPEED, FAILED)
+    execution.poll(state, 0)
+    execution.poll(state, S)
+    assert execution.result.reason == f"FAILED ({hint})"
+
+
 def test_goto_of_a_ua_that_is_not_armed_ends():
     execution = CommandExecution(targets.goto(ON_GROUND, 47.01, 8.0, 20.0))
     accepted(execution, ON_GROUND)

@@ -200,6 +200,56 @@ def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
     assert flight.execution.result.reached
 
 
+def at_its_last_item(landed_state):
+    """A mission of three items that is flown to the last, as PX4 says it: once, and again every second."""
+    start = replace(HOVERS, mission_current=0, mission_total=2, heard_ns={245: 1})
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION", mission_current=2, mission_reached=1, heard_ns={46: S, 245: S})
+    flight.run(0.1, mission_reached=2, heard_ns={46: 3 * S, 245: 3 * S})
+    assert flight.execution.result is None, "whether it lands is not known yet"
+    flight.run(1.0, landed_state=landed_state, heard_ns={46: 4 * S, 245: 4 * S})
+    return flight
+
+
+def test_a_mission_that_ends_with_a_landing_is_done_on_the_ground():
+    """PX4 reaches NAV_LAND above the place, and stays in AUTO.MISSION while it sinks."""
+    flight = at_its_last_item("landing")
+    flight.run(20.0, heard_ns={46: 14 * S, 245: 25 * S})
+    assert flight.execution.result is None
+    flight.run(0.1, landed_state="on_ground")
+    assert flight.execution.result.reached
+
+
+def test_a_mission_of_a_ua_that_stands_where_the_one_before_has_ended_is_not_flown():
+    """PX4 stays in AUTO.MISSION at the last item once it has disarmed."""
+    start = replace(STANDS, armed=False, mode="AUTO.MISSION", mission_current=2, mission_total=2)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(3.2)
+    assert flight.execution.result.reason == "the UA is not armed"
+
+
+@pytest.mark.parametrize(("current", "is_done"), [(1, True), (2, False)])
+def test_a_mission_whose_jumps_at_the_end_are_done_is_done(current, is_done):
+    """PX4 goes on to hold from the item that it has reached; a pilot has it hold on the way to another."""
+    start = replace(HOVERS, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION", mission_current=1, mission_reached=0, heard_ns={46: S})
+    flight.run(1.0, mission_current=current, mission_reached=1, heard_ns={46: 3 * S})
+    assert flight.execution.result is None
+    flight.run(2.0, mode="AUTO.LOITER")
+    assert flight.execution.result.reached is is_done
+
+
+def test_a_mission_that_ends_in_the_air_is_done_with_its_last_item():
+    assert at_its_last_item("in_air").execution.result.reached
+
+
 @pytest.mark.parametrize(("last", "first"), [(0, None), (3, 3)])
 def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     """PX4 says neither a state of the mission nor, with one item, another number of it than after the flight before."""

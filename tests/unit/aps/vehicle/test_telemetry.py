@@ -282,18 +282,52 @@ def test_values_that_are_not_a_number_are_unknown(feed):
     assert feed.telemetry.decode_errors == 0
 
 
-def test_a_position_of_0_0_before_home_is_none(feed):
-    """ArduPilot's before its filter has an origin; with a home it is where Greenwich meets the equator."""
+def place(lat, lon, alt_mm=1_690_000, alt_rel_mm=20_000):
+    return mavlink.MAVLink_global_position_int_message(1000, lat, lon, alt_mm, alt_rel_mm, 0, 0, 0, 0)
 
-    def at(lat, lon):
-        return feed(mavlink.MAVLink_global_position_int_message(1000, lat, lon, 30_000, 20_000, 0, 0, 0, 0))
 
-    assert math.isnan(at(0, 0).lat_deg)
-    assert math.isnan(at(0, 0).alt_rel_m)
-    assert at(0, 10).lon_deg == pytest.approx(1e-6)
-    feed(mavlink.MAVLink_home_position_message(0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
-    assert at(0, 0).lon_deg == 0.0
+def home(lat, lon):
+    return mavlink.MAVLink_home_position_message(lat, lon, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+
+
+def test_a_place_of_0_0_before_home_is_none(feed):
+    """With a home it is where Greenwich meets the equator."""
+    assert math.isnan(feed(place(0, 0)).lat_deg)
+    assert math.isnan(feed(place(0, 0)).alt_rel_m)
+    feed(home(0, 0))
+    assert feed(place(0, 0)).lon_deg == 0.0
     assert feed.telemetry.decode_errors == 0
+
+
+def test_what_ardupilot_reckons_from_0_0_is_no_place(feed):
+    """As ArduPlane 4.7 sends it in wind from 2 s on, and from 9 s to 10 s with the height of a home at 0 m."""
+    feed(heartbeat(vehicle=mavlink.MAV_TYPE_FIXED_WING))
+    assert math.isnan(feed(place(1600, -12, -250, -259)).lat_deg)
+    assert math.isnan(feed(place(401_331_000, -1_052_403_999, 90, 91)).alt_amsl_m)
+    feed(home(401_331_000, -1_052_403_999))
+    known = feed(place(401_331_000, -1_052_403_999, 1_690_160, -93))
+    assert (known.lat_deg, known.alt_amsl_m) == (pytest.approx(40.1331), pytest.approx(1690.16))
+
+
+def test_a_place_beside_0_0_is_one_once_the_estimator_has_it_and_stays_known_without_gps(feed):
+    feed(heartbeat())
+    feed(mavlink.MAVLink_ekf_status_report_message(mavlink.EKF_POS_HORIZ_ABS, 0, 0, 0, 0, 0))
+    feed(place(1600, -12, 0, 0))
+    feed(mavlink.MAVLink_ekf_status_report_message(mavlink.EKF_CONST_POS_MODE, 0, 0, 0, 0, 0))
+    feed(mavlink.MAVLink_gps_raw_int_message(0, 1, 0, 0, 0, 0, 0, 0, 0, 0))
+    assert feed(place(1700, -12, 0, 0)).lat_deg == pytest.approx(1.7e-4)
+
+
+def test_a_place_elsewhere_is_one_though_neither_home_nor_estimator_was_heard(feed):
+    """ArduCopter's from its first fix on, 10 s before it has a home; or over a link that carries little else."""
+    feed(heartbeat())
+    assert feed(place(401_331_000, -1_052_357_000, 1_690_150, -167)).lat_deg == pytest.approx(40.1331)
+
+
+@pytest.mark.parametrize("autopilot", [mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_GENERIC])
+def test_others_send_a_place_once_they_have_one(feed, autopilot):
+    feed(mavlink.MAVLink_heartbeat_message(2, autopilot, 0, 0, 3, 3))
+    assert feed(place(0, 10)).lon_deg == pytest.approx(1e-6)
 
 
 def test_home_that_is_not_on_earth_is_an_error(feed):

@@ -106,13 +106,63 @@ def test_from_another_mode_guided_comes_first():
 def test_local_points_of_each_frame_are_sent_as_metres_from_the_origin(frame, expected):
     """The nose points east: a metre ahead is a metre east, two to the right are two south."""
     flight = Flight(targets.goto_ned(COPTER, 1.0, 2.0, -3.0, frame=frame))
-    [message] = flight.after(0.0)
+    message, asked = flight.after(0.0)
     assert (message.x, message.y, message.z) == pytest.approx(expected)
     assert message.type_mask == 0b1101_1111_1000
+    assert (asked.command, asked.param1) == (512, 85.0)  # what it flies to
     assert flight.after(0.4) == []
-    assert len(flight.after(0.7)) == 1  # repeated, as nobody acknowledges it
+    assert len(flight.after(0.7)) == 2  # repeated, as nobody acknowledges it
     flight.after(0.1, position_ned_m=expected)
     assert flight.execution.result.reached
+
+
+GOAL = (60.0, 20.0, -20.0)
+
+
+def echo(place=GOAL, type_mask=0b1101_1111_1000):
+    return dict(zip("xyz", place, strict=True)) | {"type_mask": type_mask}
+
+
+def flown_by_setpoints(echoes, seconds=12):
+    """A second each; what the autopilot says that it flies to, just after it is asked."""
+    flight = Flight(targets.goto_ned(COPTER, *GOAL))
+    asked = 0
+    for said in [*echoes, *[None] * (seconds - len(echoes))]:
+        asked += len(flight.after(1.0)) - 1 if flight.execution.result is None else 0
+        if said is not None:
+            flight.execution.on_message("POSITION_TARGET_LOCAL_NED", said, flight.now_ns)
+    flight.after(0.05)
+    return flight.execution.result, asked
+
+
+@pytest.mark.parametrize(
+    "other",
+    [echo((10.0, 20.0, -20.0)), echo((60.0, 20.0, -21.0)), echo(type_mask=0b1101_1100_0111)],
+    ids=["the point before", "another height", "a velocity"],
+)
+def test_a_local_point_that_arducopter_drops_is_refused_in_words(other):
+    """It drops one beyond its fence (ModeGuided::set_destination), and flies on to what it had."""
+    assert flown_by_setpoints([other] * 4, seconds=4) == (None, 4), "setpoints may get lost"
+    result, _ = flown_by_setpoints([other] * 5)
+    assert (result.outcome, result.reason) == (
+        Outcome.REFUSED,
+        "the autopilot does not take this point: ArduCopter flies to no point beyond its fence, and does not say so",
+    )
+
+
+def test_a_local_point_that_was_taken_is_flown_to_whatever_is_said_later():
+    assert flown_by_setpoints([echo((10.0, 20.0, -20.0)), echo(), *[echo((0.0, 0.0, 0.0))] * 8]) == (None, 2)
+
+
+def test_an_autopilot_that_does_not_say_what_it_flies_to_is_asked_a_few_times():
+    assert flown_by_setpoints([]) == (None, 10)
+
+
+@pytest.mark.parametrize(
+    ("changes"), [{"vehicle_type": mavlink.MAV_TYPE_GROUND_ROVER}, {"autopilot": mavlink.MAV_AUTOPILOT_PX4}]
+)
+def test_only_arducopter_is_asked_whether_it_takes_a_local_point(changes):
+    assert targets.goto_ned(replace(COPTER, **changes), 1.0, 2.0, -3.0).echo is None
 
 
 def test_a_local_point_from_nowhere_is_refused():

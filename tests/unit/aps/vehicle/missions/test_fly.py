@@ -9,6 +9,7 @@ from aps.vehicle.missions import fly
 from aps.vehicle.state import VehicleState
 from tests.unit.aps.vehicle.flight.test_targets import COPTER
 
+S = 1_000_000_000
 AUTO = replace(COPTER, mode="AUTO", mission_current=1, mission_total=3, mission_state="ACTIVE")
 
 
@@ -84,6 +85,28 @@ def test_a_planes_return_amid_its_mission_interrupts_it():
     for after_ms in (100, 1700):
         execution.poll(replace(plane, mode="RTL", time_boot_ms=plane.time_boot_ms + after_ms), 2)
     assert execution.result.reason == "mode changed to RTL"
+
+
+@pytest.mark.parametrize(
+    ("mode", "after_s", "reason"),
+    [
+        ("GUIDED", 3, "mode changed to RTL"),
+        ("RTL", 11, "accepted, but not begun within 10 s of autopilot time: RTL"),
+    ],
+)
+def test_a_plane_without_a_mission_ends_it_with_its_return(mode, after_s, reason):
+    """ArduPlane takes AUTO, and returns at once; a heartbeat shows that before MISSION_START is refused."""
+    before = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mode=mode)
+    empty = replace(before, mission_current=0, mission_total=0, mission_state="NO_MISSION")
+    execution = CommandExecution(fly.fly(empty))
+    for asked, shown in ((176, empty), (300, replace(empty, mode="RTL"))):
+        execution.poll(shown, 0)
+        execution.on_ack(asked, 0)
+    for passed_s in range(after_s + 1):
+        assert execution.result is None
+        now = replace(empty, mode="RTL", time_boot_ms=empty.time_boot_ms + 1000 * passed_s)
+        execution.poll(replace(now, heard_ns={0: passed_s * S}), passed_s * S)
+    assert execution.result.reason == reason
 
 
 def test_an_autopilot_that_never_says_complete_is_done_with_its_last_item():
