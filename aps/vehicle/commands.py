@@ -132,6 +132,9 @@ class CommandPlan:
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0
     """By the autopilot's clock or the daemon's, whichever is faster."""
+    beside: Any = None
+    """Message that goes with the first setpoints after acceptance: a speed, which some autopilots forget as they begin
+    another kind of target."""
     echo: Echo | None = None
     """How it is known that setpoints are taken, where an autopilot may drop them in silence."""
     may_leave: Callable[[VehicleState], bool] = lambda _: False
@@ -199,6 +202,8 @@ class CommandExecution(Execution):
         """The autopilot's clock at our own first one, where that is before acceptance."""
         self._setpoint_ns = 0
         self._setpoint_ms = 0
+        self._besides = 0
+        """How often it had something beside a setpoint."""
         self._echoes = 0
         """How often it was asked what it flies to ..."""
         self._taken = False
@@ -506,6 +511,9 @@ class CommandExecution(Execution):
         self._setpoint_ms = clock_ms + round(plan.setpoint_period_s * 1000.0)
         from_ms = (self._accepted_ms or 0) if self._begun_ms is None else self._begun_ms
         messages = [plan.setpoint(state, (clock_ms - from_ms) / 1000.0)]
+        if plan.beside is not None and self._accepted_ms is not None and self._besides < ECHO_SETPOINTS:
+            self._besides += 1
+            messages.append(plan.beside)
         if plan.echo is not None and not self._taken and self._echoes < MOST_ECHOES:
             self._echoes += 1
             messages.append(plan.echo.ask)

@@ -200,6 +200,7 @@ class Commands(ABC):
         down_m: float,
         *,
         frame: str = "origin",
+        speed_mps: float = 0.0,
         yaw_deg: float | None = None,
         within_m: float | None = None,
         on_feedback: OnFeedback | None = None,
@@ -212,6 +213,7 @@ class Commands(ABC):
             down_m: down of the point.
             frame: ``fleet`` (the scenario's origin, as of all nodes), ``origin`` (the autopilot's local origin: its
                 home), ``offset`` (from here) or ``body`` (from here, along the heading).
+            speed_mps: over ground; 0: as the autopilot is set.
             yaw_deg: heading of the nose.
             within_m: how near to the point counts as there; 2 unless given.
             on_feedback: called with the way to go.
@@ -223,13 +225,14 @@ class Commands(ABC):
         if frame not in LOCAL_FRAMES:
             raise ValueError(f"goto_ned: frame {frame!r} is none of {', '.join(LOCAL_FRAMES)}")
         place = checked_numbers("goto_ned", north_m=north_m, east_m=east_m, down_m=down_m)
+        speed = checked_numbers("goto_ned", speed_mps=speed_mps) if speed_mps else {}
         if frame == "fleet":
             if self.frames is None:
                 raise ValueError("goto_ned(frame='fleet'): where the fleet's frame begins is not known here")
             own = self.frames.own_from_fleet((place["north_m"], place["east_m"], place["down_m"]))
             frame, place = "origin", dict(zip(place, own, strict=True))
         how = {"frame": frame, "yaw_deg": yaw_deg, "within_m": within_m}
-        return await self._target("goto_ned", on_feedback, **place, **how)
+        return await self._target("goto_ned", on_feedback, **place, **speed, **how)
 
     async def velocity(
         self,

@@ -54,8 +54,8 @@ class Meet(Agent):
         bearing_rad = math.radians(options["bearing_deg"])
         north_m += options["radius_m"] * math.cos(bearing_rad)
         east_m += options["radius_m"] * math.sin(bearing_rad)
-        await self.ua.change_speed(options["speed_mps"])
-        await self.ua.goto_ned(north_m, east_m, -options["altitude_m"], frame="fleet")
+        altitude_m, speed_mps = options["altitude_m"], options["speed_mps"]
+        await self.ua.goto_ned(north_m, east_m, -altitude_m, frame="fleet", speed_mps=speed_mps)
 
     def on_packet(self, sender: str, channel: str, payload: bytes, reception: Reception) -> None:
         super().on_packet(sender, channel, payload, reception)

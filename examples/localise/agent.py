@@ -35,8 +35,6 @@ class Localise(Agent):
         self.share = bool(self.options.get("share", True))
         self.telling = asyncio.create_task(self.tell())
         await self.take_off(self.options["altitude_m"])
-        if not self.is_fixed_wing:
-            await self.ua.change_speed(self.options["speed_mps"])
         self.ua.report("searches")
         self.searching = asyncio.create_task(self.search())
         await self.sleep_until(self.options["until_s"])
@@ -58,12 +56,12 @@ class Localise(Agent):
     async def fly_to(self, way: Way) -> None:
         """Towards the way's corner; a newer plan takes over. Fixed wing take positions on the globe only."""
         north_m, east_m = way.places_m[1].tolist()
-        altitude_m = self.options["altitude_m"]
+        altitude_m, speed_mps = self.options["altitude_m"], self.options["speed_mps"]
         if self.is_fixed_wing:
             place = self.ua.frames.earth_from_fleet((north_m, east_m, 0.0))
-            await self.ua.goto(place.lat_deg, place.lon_deg, altitude_m, speed_mps=self.options["speed_mps"])
+            await self.ua.goto(place.lat_deg, place.lon_deg, altitude_m, speed_mps=speed_mps)
         else:
-            await self.ua.goto_ned(north_m, east_m, -altitude_m, frame="fleet")
+            await self.ua.goto_ned(north_m, east_m, -altitude_m, frame="fleet", speed_mps=speed_mps)
 
     async def tell(self) -> None:
         """Estimate, record and transmit, once a second."""

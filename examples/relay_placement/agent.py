@@ -79,7 +79,6 @@ class Mover(End):
     async def fly(self) -> None:
         self.talking = asyncio.create_task(self.talk())
         await self.take_off(self.options["altitude_m"])
-        await self.ua.change_speed(self.options["speed_mps"])
         for north_m, east_m in self.options["way"]:
             await go_to(self, north_m, east_m)
         self.talking.cancel()
@@ -103,7 +102,6 @@ class Relay(Agent):
 
     async def fly(self) -> None:
         await self.take_off(self.options["altitude_m"])
-        await self.ua.change_speed(self.options["speed_mps"])
         async for _ in self.every(self.options["replan_s"]):
             if self.options.get("relay", True) and len(self.heard) == len(self.far_end):
                 self.plan()
@@ -155,5 +153,6 @@ def aircraft_ned_m(agent: Agent) -> tuple[float, float, float]:
 
 
 async def go_to(agent: Agent, north_m: float, east_m: float) -> None:
-    """Fly to a place in the fleet's frame, at the altitude of the options."""
-    await agent.ua.goto_ned(north_m, east_m, -agent.options["altitude_m"], frame="fleet")
+    """Fly to a place in the fleet's frame, at the altitude and speed of the options."""
+    altitude_m, speed_mps = agent.options["altitude_m"], agent.options["speed_mps"]
+    await agent.ua.goto_ned(north_m, east_m, -altitude_m, frame="fleet", speed_mps=speed_mps)

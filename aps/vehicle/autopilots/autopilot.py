@@ -48,6 +48,8 @@ class Manoeuvre:
     """Beginnings of texts by which it refuses what it has acknowledged."""
     silent_refusal: str = ""
     """Why it may drop a point of ours in silence; empty where it takes all."""
+    speed_remark: str = ""
+    """Why points are not flown at a speed that is asked for; empty where they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,7 @@ class FlightStack(Protocol):
         """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
 
     def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
-        """Whether it may have no place yet though it sends one, while it has told neither a home nor that it is sure."""
+        """Whether it may have no place yet though it sends one, while it has told neither a home nor that it is one."""
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """To a height above home."""

@@ -16,7 +16,7 @@ from aps.vehicle.autopilots.autopilot import Target
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands import CommandPlan, Echo
 from aps.vehicle.execution import Refusal
-from aps.vehicle.flight.plans import PLANE_RADIUS_M
+from aps.vehicle.flight.plans import PLANE_RADIUS_M, change_speed
 from aps.vehicle.flight.setpoints import NO_POSITION, ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
 from aps.vehicle.flight.steps import checked, command_long, finite_or_none, horizontal_distance_m
 from aps.vehicle.state import Vector3, VehicleState
@@ -158,6 +158,7 @@ def goto_ned(
     east_m: float,
     down_m: float,
     frame: str = "origin",
+    speed_mps: float | None = None,
     yaw_deg: float | None = None,
     yaw_rate_dps: float | None = None,
     within_m: float | None = None,
@@ -171,6 +172,7 @@ def goto_ned(
         down_m: down of the point; negative is up.
         frame: ``origin`` counts from the autopilot's local origin, ``offset`` from where the UA is now, ``body`` from
             there and along its heading of now.
+        speed_mps: over ground; ``None`` leaves the autopilot's own. PX4 has its own in any case.
         yaw_deg: heading of the nose; ``None`` as the autopilot likes.
         yaw_rate_dps: rate of turn, instead of a heading.
         within_m: how near to the point counts as there; ``None``: 2.
@@ -188,6 +190,7 @@ def goto_ned(
     ]
     goal = _from_origin(state, (asked[0], asked[1], asked[2]), frame)
     radius_m = COPTER_RADIUS_M if within_m is None else _near_m(within_m)
+    [speed] = [None] if speed_mps is None else change_speed(state, speed_mps, "ground").steps
 
     def remaining_m(now: VehicleState) -> float:
         return math.dist(now.position_ned_m, goal)
@@ -205,6 +208,8 @@ def goto_ned(
         setpoint_period_s=min(POINT_PERIOD_S, way.longest_period_s),
         lead_s=way.lead_s,
         stop_messages=lambda now: autopilot.stay_at(now, goal, yaw),
+        beside=None if speed is None or way.speed_remark else speed.message(0),
+        remark="" if speed is None else way.speed_remark,
         echo=_echo(state, goal, way.silent_refusal) if way.silent_refusal else None,
     )
 
