@@ -43,6 +43,9 @@ async def test_arducopter_state_streams_and_commands(copter):
         assert result.reached, result
     states = []
     subscription = copter.subscribe(states.append, rate_hz=10.0)
+    result = await commands.run("goto_ned", 20.0, 0.0, -20.0, speed_mps=3.0)
+    assert result.reached, result
+    assert max(state.groundspeed_mps for state in states) == pytest.approx(3.0, abs=0.3)
     target_deg = home.lat_deg + math.degrees(60.0 / 6_378_137.0)
     result = await commands.goto(target_deg, home.lon_deg, 25.0, speed_mps=6.0)
     subscription.cancel()

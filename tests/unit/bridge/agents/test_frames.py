@@ -68,6 +68,8 @@ async def test_goto_ned_takes_a_place_of_the_fleet(ua: UaClient, outlet: Heard) 
     await ua.goto_ned(250.0, 0.0, -40.0, frame="fleet", within_m=5.0)
     place = {"north_m": 50.0, "east_m": 100.0, "down_m": -40.0}
     assert outlet.goals == [{"verb": "goto_ned", **place, "frame": "origin", "within_m": 5.0}]
+    await ua.goto_ned(250.0, 0.0, -40.0, frame="fleet", speed_mps=12)
+    assert outlet.goals[1] == {"verb": "goto_ned", **place, "speed_mps": 12.0, "frame": "origin"}
     blind = UaClient("1", outlet)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="not known here"):
         await blind.goto_ned(250.0, 0.0, -40.0, frame="fleet")

@@ -165,6 +165,23 @@ def test_only_arducopter_is_asked_whether_it_takes_a_local_point(changes):
     assert targets.goto_ned(replace(COPTER, **changes), 1.0, 2.0, -3.0).echo is None
 
 
+def test_a_speed_goes_with_the_first_setpoints_of_a_local_point():
+    """ArduCopter's GUIDED begins with its own speed (ModeGuided::pva_control_start); setpoints may get lost."""
+    flight = Flight(targets.goto_ned(COPTER, *GOAL, speed_mps=12.0))
+    sent = [flight.after(1.0 if turn else 0.0) for turn in range(7)]
+    assert [[m.command for m in messages[1:]] for messages in sent] == [[178, 512]] * 5 + [[512]] * 2
+    setpoint, speed, _ = sent[0]
+    assert setpoint.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+    assert (speed.param1, speed.param2, speed.param3) == (1.0, 12.0, -1.0)
+    with pytest.raises(ValueError, match=r"speed_mps must be in 0\.1"):
+        targets.goto_ned(COPTER, *GOAL, speed_mps=0.0)
+
+
+def test_px4_flies_local_points_at_its_own_speed_and_says_so():
+    plan = targets.goto_ned(replace(COPTER, autopilot=mavlink.MAV_AUTOPILOT_PX4), *GOAL, speed_mps=12.0)
+    assert (plan.beside, plan.remark[:50]) == (None, "PX4 flies points in OFFBOARD as fast as MPC_XY_VEL")
+
+
 def test_a_local_point_from_nowhere_is_refused():
     with pytest.raises(Refusal, match="where it is is not known"):
         targets.goto_ned(replace(COPTER, position_ned_m=(math.nan,) * 3), 1.0, 0.0, 0.0, frame="offset")
