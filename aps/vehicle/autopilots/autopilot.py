@@ -114,7 +114,7 @@ class FlightStack(Protocol):
         """By SYS_STATUS's sensors that are enabled and healthy (MAV_SYS_STATUS_SENSOR)."""
 
     def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
-        """Whether it may have no place yet though it sends one, while it has told neither a home nor that it is one."""
+        """Whether it may have no place yet though it sends one: it has told neither a home nor that it is sure."""
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """To a height above home."""

@@ -36,6 +36,8 @@ async def test_arducopter_state_streams_and_commands(copter):
     assert home.alt_amsl_m == pytest.approx(584.0, abs=1.5)
     assert (home.landed_state, home.system_status, home.gps_fix_type) == ("on_ground", "STANDBY", 6)
     assert home.voltage_v == pytest.approx(12.6, abs=0.2)
+    fence = {"FENCE_TYPE": 2.0, "FENCE_RADIUS": 100.0, "FENCE_ENABLE": 1.0}
+    assert (await commands.run("parameters_set", fence)).reached  # it counts a second later
     on_ground = await commands.takeoff(20.0)
     assert on_ground.outcome is Outcome.REFUSED
 
@@ -54,8 +56,6 @@ async def test_arducopter_state_streams_and_commands(copter):
     steps_ms = [after.time_boot_ms - before.time_boot_ms for before, after in itertools.pairwise(states)]
     assert sum(steps_ms) / len(steps_ms) == pytest.approx(100.0, abs=15.0)
     assert copter.state.position_ned_m[0] == pytest.approx(60.0, abs=3.0)
-    fence = {"FENCE_TYPE": 2.0, "FENCE_RADIUS": 100.0, "FENCE_ENABLE": 1.0}
-    assert (await commands.run("parameters_set", fence)).reached
     result = await commands.run("goto_ned", 150.0, 0.0, -25.0)
     assert (result.outcome, result.reason.endswith("beyond its fence, and does not say so")) == (
         Outcome.REFUSED,
