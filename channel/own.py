@@ -7,9 +7,6 @@ which `model` finds it. `class` names one in a file, or in a module that can be 
 from __future__ import annotations
 
 import hashlib
-import importlib
-import importlib.util
-import sys
 from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib.metadata import entry_points
@@ -22,6 +19,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
+from sitl_configs.own_code import load_module, told
 
 CLASS_KEY = "class"
 
@@ -51,6 +49,8 @@ def own_models(
             model = found.model_validate(parameters)
         except ValidationError as error:
             raise _in_our_words(error, parameters, found) from None
+        except Exception as error:  # of its author's validators, or a class that is not defined in full
+            raise ValueError(told(error, key[1])) from error
         if trial is not None:
             try:
                 trial(model)
@@ -110,38 +110,22 @@ def _from_text(text: str) -> object:
     place, colon, name = text.rpartition(":")
     if not colon or not name.isidentifier():
         raise ValueError(f"{text!r} is not file.py:Name or module:Name")
-    module = _from_file(Path(place).absolute()) if place.endswith(".py") else _installed(place)
+    path = Path(place).absolute()
+    module = (
+        _loaded(path, path.stat().st_mtime_ns if path.is_file() else 0)
+        if place.endswith(".py")
+        else load_module(place)
+    )
     if not hasattr(module, name):
         raise ValueError(f"{place} has no class {name}")
     return getattr(module, name)
 
 
-def _from_file(path: Path) -> ModuleType:
-    """Return the module of a file, the same until the file changes."""
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file")
-    return _loaded(path, path.stat().st_mtime_ns)
-
-
 @lru_cache(maxsize=64)
 def _loaded(path: Path, changed_ns: int) -> ModuleType:
-    name = f"{path.stem}__{hashlib.blake2b(f'{path} {changed_ns}'.encode(), digest_size=6).hexdigest()}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None, "a name that ends in .py has a loader"
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def _installed(module: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
-            raise ValueError(f"no module {module}") from error
-        raise
+    """Return the module of a file, the same until the file changes."""
+    digest = hashlib.blake2b(f"{path} {changed_ns}".encode(), digest_size=6).hexdigest()
+    return load_module(str(path), f"{path.stem}__{digest}")
 
 
 def _in_our_words(error: ValidationError, parameters: Tree, found: type[Variant]) -> ValidationError:
