@@ -20,6 +20,17 @@ from channel.fading.shadowing import (
     OneSidedNormalShadowing,
 )
 from channel.own import own_models
+from channel.own_trials import (
+    ANTENNA,
+    BURSTS,
+    ERROR,
+    FADING,
+    NOISE,
+    PROPAGATION,
+    SHADOWING,
+    try_losses,
+    try_mean_loss,
+)
 from channel.phy.error_model import ErfcBytes, Lossless, NoncoherentFsk, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
 from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise, noise_behind_cable_dbm
@@ -30,7 +41,6 @@ from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
 from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
 from channel.propagation.terrain import Terrain
-from channel.propagation.trial import try_law
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
 from channel.variant import Variant
@@ -59,36 +69,47 @@ Propagation = Annotated[
     | Terrain
     | GainMap,
     Field(discriminator="model"),
-    *own_models("propagation", "path_loss_db", trial=try_law),
+    *own_models("propagation", "path_loss_db", methods=PROPAGATION, trial=try_losses),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
-    *own_models("shadowing", *SHADOWING_METHODS),
+    *own_models("shadowing", *SHADOWING_METHODS, methods=SHADOWING),
 ]
 Fading = Annotated[
     NoFading | Rayleigh | Rician | Nakagami,
     Field(discriminator="model"),
-    *own_models("fading", "gain_db", "rule", "is_random", "by_elevation", "coherence", "max_coherence_s"),
+    *own_models(
+        "fading",
+        "gain_db",
+        "rule",
+        "is_random",
+        "by_elevation",
+        "coherence",
+        "max_coherence_s",
+        methods=FADING,
+    ),
 ]
 Antenna = Annotated[
     Isotropic | HalfWaveDipole | Sector | Pattern,
     Field(discriminator="model"),
-    *own_models("antenna", "needs_direction", "towards_db"),
+    *own_models("antenna", "needs_direction", "towards_db", methods=ANTENNA),
 ]
 Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
 Bursts = Annotated[
-    NoBursts | GilbertElliott, Field(discriminator="model"), *own_models("bursts", "mean_loss", "loss_at")
+    NoBursts | GilbertElliott,
+    Field(discriminator="model"),
+    *own_models("bursts", "mean_loss", "loss_at", methods=BURSTS, trial=try_mean_loss),
 ]
 Noise = Annotated[
     FixedNoise | ThermalNoise | ManMadeNoise,
     Field(discriminator="model"),
-    *own_models("noise", "noise_floor_dbm"),
+    *own_models("noise", "noise_floor_dbm", methods=NOISE),
 ]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | NoncoherentFsk | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),
-    *own_models("error", "breaks_db", "ber", "per"),
+    *own_models("error", "breaks_db", "ber", "per", methods=ERROR),
 ]
 
 

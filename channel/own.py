@@ -7,32 +7,40 @@ which `model` finds it. `class` names one in a file, or in a module that can be 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import MappingProxyType, ModuleType
+from typing import Any, Final
 
 from pydantic import ValidationError, WrapSerializer, WrapValidator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from channel.own_methods import Method, looked_at, tried
 from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
 from sitl_configs.own_code import load_module, told
 
 CLASS_KEY = "class"
+NO_METHODS: Final[Mapping[str, Method]] = MappingProxyType({})
+_KNOWN: dict[tuple[type[Variant], str, str], type[Variant]] = {}
+"""Classes whose methods are looked at, by what they are made of."""
 
 
 def own_models(
-    group: str, *needed: str, trial: Callable[[Any], None] | None = None
+    group: str,
+    *needed: str,
+    methods: Mapping[str, Method] = NO_METHODS,
+    trial: Callable[[Any, str], None] | None = None,
 ) -> tuple[WrapValidator, WrapSerializer]:
     """Return what lets a field of a radio take a user's model beside those of its union.
 
     Args:
         group: of entry points, without `lostlink.`.
         needed: methods and properties that the model has to have.
-        trial: raises ValueError if a model does not do what it has to.
+        methods: what those have to give whose results are looked at.
+        trial: tries what else a model, which is called so, has to do; raises OwnModelError if it does not.
     """
 
     def validate(value: Any, others: Callable[[Any], Any]) -> Any:
@@ -41,21 +49,18 @@ def own_models(
         key, parameters = _asked_for(value, group)
         if key is None:
             return others(value)
-        found = _class_of(key, group)
+        found, label = _class_of(key, group), Path(key[1]).name
         missing = [name for name in needed if not hasattr(found, name) and name not in found.model_fields]
         if missing:
             raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
         try:
-            model = found.model_validate(parameters)
+            model = _looked_at(found, label, group, methods).model_validate(parameters)
         except ValidationError as error:
             raise _in_our_words(error, parameters, found) from None
         except Exception as error:  # of its author's validators, or a class that is not defined in full
             raise ValueError(told(error, key[1])) from error
-        if trial is not None:
-            try:
-                trial(model)
-            except ValueError as error:
-                raise ValueError(f"{found.__name__} in {key[1]}: {error}") from error
+        if getattr(model, "is_random", True):
+            tried(model, label, methods, trial)
         model._own_key = key
         return model
 
@@ -68,6 +73,13 @@ def own_models(
         }
 
     return WrapValidator(validate), WrapSerializer(serialize)
+
+
+def _looked_at(found: type[Variant], label: str, group: str, methods: Mapping[str, Method]) -> type[Variant]:
+    key = found, label, group
+    if key not in _KNOWN:
+        _KNOWN[key] = looked_at(found, label, methods)
+    return _KNOWN[key]
 
 
 def class_path(text: str, folder: Path) -> str:

@@ -50,13 +50,14 @@ def load_module(place: str, name: str = "") -> ModuleType:
         raise OwnCodeError(told(error, place)) from error
 
 
-def told(error: BaseException, place: str) -> str:
+def told(error: BaseException, place: str = "") -> str:
     """What code of the user's raised, in a line: ``FILE:LINE: Type: text``; of no line of theirs the place for it."""
+    text = str(error)
     if isinstance(error, SyntaxError) and error.filename is not None:
-        return f"{error.filename}:{error.lineno}: {type(error).__name__}: {error.msg}"
-    line = innermost(traceback.extract_tb(error.__traceback__))
-    where = place if line is None else f"{line.filename}:{line.lineno}"
-    return f"{where}: {type(error).__name__}: {error}".partition("\n")[0]
+        place, text = f"{error.filename}:{error.lineno}", error.msg
+    elif line := innermost(traceback.extract_tb(error.__traceback__)):
+        place = f"{line.filename}:{line.lineno}"
+    return ": ".join(part for part in (place, type(error).__name__, text) if part).partition("\n")[0]
 
 
 def innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:

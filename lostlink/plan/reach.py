@@ -97,4 +97,4 @@ def _farthest(
     near_m, far_m = distances[above[-1]], distances[min(above[-1] + 1, len(distances) - 1)]
     between = np.linspace(near_m, far_m, BETWEEN)
     above = np.flatnonzero(radio.probability_of_delivery(between, payload_bytes) >= share)
-    return float(f"{between[above[-1]]:.3g}")
+    return float(f"{between[above[-1]] if len(above) else near_m:.3g}")

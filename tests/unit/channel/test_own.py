@@ -105,12 +105,21 @@ def test_mistakes_are_named(mine, group, problem):
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
-        ("return path.distance_km", "raises AttributeError .*a Path has frequency_hz, distance_m"),
-        ("return 100.0", "gives one number for three links"),
-        ("return path.distance_m[:2]", r"gives \(2,\) for three links"),
-        ("return np.log10(path.distance_m - 200.0)", "has to be finite"),
-        ("return 60.0 if path.distance_m > 100.0 else path.distance_m", "raises ValueError"),
-        ("return path.distance_m + np.random.default_rng().normal()", "another loss for the same links"),
+        ("return path.distance_km", r"wrong\.py:7: AttributeError: .*a Path has frequency_hz, distance_m"),
+        ("return 100.0", r"gave one number for \(3,\) of distance_m"),
+        ("return path.distance_m[:2]", r"gave an array of shape \(2,\) for \(3,\)"),
+        (
+            "return np.log10(path.distance_m - 200.0)",
+            "gave nan at distance_m 49.0306026885: has to be finite",
+        ),
+        (
+            "return 60.0 if path.distance_m > 100.0 else path.distance_m",
+            r"wrong\.py:7: ValueError: The truth",
+        ),
+        ("return path.distance_m + np.random.default_rng().normal()", "gave something else for the same"),
+        ("return 'far'", "gave 'far' for"),
+        ("return -np.sqrt(path.distance_m)", "gave -10.53 dB at 110.9 m: a loss is positive"),
+        ("return 50.0 * path.distance_m / path.distance_m.max()", "among other links, and 50 dB for that"),
     ],
 )
 def test_a_law_that_gives_no_losses_is_told_before_anything_flies(mine, body, problem):
@@ -119,7 +128,10 @@ def test_a_law_that_gives_no_losses_is_told_before_anything_flies(mine, body, pr
         f"    def path_loss_db(self, path):\n        {body}\n"
     )
     tree = {"preset": "perfect", "propagation": {"class": "models/wrong.py:Wrong"}}
-    with np.errstate(all="ignore"), pytest.raises(PresetError, match=f"Wrong in .*{problem}") as caught:
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(PresetError, match=f"wrong.py:Wrong.path_loss_db.*{problem}") as caught,
+    ):
         presets.radio_from_mapping(presets.seen_from(mine, tree))
     assert caught.value.key.startswith("propagation")
 
