@@ -10,7 +10,7 @@ from channel.access.settings.base import Ideal
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings, name_of
 from channel.access.settings.sik import SikMedium
-from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
+from channel.antenna import AntennaModel, HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
 from channel.fading.shadowing import (
@@ -33,13 +33,13 @@ from channel.own_trials import (
 )
 from channel.phy.error_model import ErfcBytes, Lossless, NoncoherentFsk, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
-from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise, noise_behind_cable_dbm
+from channel.phy.noise import FixedNoise, ManMadeNoise, NoiseModel, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
 from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, PathLossModel
 from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
@@ -69,7 +69,7 @@ Propagation = Annotated[
     | Terrain
     | GainMap,
     Field(discriminator="model"),
-    *own_models("propagation", "path_loss_db", methods=PROPAGATION, trial=try_losses),
+    *own_models("propagation", "path_loss_db", base=PathLossModel, methods=PROPAGATION, trial=try_losses),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
@@ -104,7 +104,7 @@ Bursts = Annotated[
 Noise = Annotated[
     FixedNoise | ThermalNoise | ManMadeNoise,
     Field(discriminator="model"),
-    *own_models("noise", "noise_floor_dbm", methods=NOISE),
+    *own_models("noise", "noise_floor_dbm", base=NoiseModel, methods=NOISE),
 ]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | NoncoherentFsk | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
@@ -202,8 +202,7 @@ class RadioConfig(Settings):
 
     @model_validator(mode="after")
     def _has_a_sigma(self) -> Self:
-        has_its_own = getattr(self.propagation, "has_sigmas", False)
-        if self.shadowing.in_sight(True) is None and not has_its_own:
+        if self.shadowing.in_sight(True) is None and not self.propagation.has_sigmas:
             text = "is missing: only uma-av and rma-av with a drawn line of sight have their own"
             raise refused(text, "shadowing", "sigma_db")
         return self
@@ -226,7 +225,7 @@ class RadioConfig(Settings):
         return self
 
     @property
-    def receiving_antenna(self) -> Isotropic | HalfWaveDipole | Sector | Pattern:
+    def receiving_antenna(self) -> AntennaModel:
         """The receiver's antenna."""
         return self.antenna if self.receive_antenna is None else self.receive_antenna
 
@@ -238,5 +237,4 @@ class RadioConfig(Settings):
     @property
     def noise_floor_dbm(self) -> float:
         """The noise power at the receiver, behind its cable, dBm."""
-        cable_loss_db = self.receiving_cable_loss_db
-        return noise_behind_cable_dbm(self.noise, self.bandwidth_hz, self.frequency_hz, cable_loss_db)
+        return self.noise.behind_cable_dbm(self.bandwidth_hz, self.frequency_hz, self.receiving_cable_loss_db)

@@ -31,6 +31,7 @@ _KNOWN: dict[tuple[type[Variant], str, str], type[Variant]] = {}
 def own_models(
     group: str,
     *needed: str,
+    base: type[Variant] = Variant,
     methods: Mapping[str, Method] = NO_METHODS,
     trial: Callable[[Any, str], None] | None = None,
 ) -> tuple[WrapValidator, WrapSerializer]:
@@ -39,6 +40,7 @@ def own_models(
     Args:
         group: of entry points, without `lostlink.`.
         needed: methods and properties that the model has to have.
+        base: of such models; one that is not derived from it gets what it lacks.
         methods: what those have to give whose results are looked at.
         trial: tries what else a model, which is called so, has to do; raises OwnModelError if it does not.
     """
@@ -50,11 +52,11 @@ def own_models(
         if key is None:
             return others(value)
         found, label = _class_of(key, group), Path(key[1]).name
-        missing = [name for name in needed if not hasattr(found, name) and name not in found.model_fields]
+        missing = [name for name in needed if not _has(found, name, base)]
         if missing:
             raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
         try:
-            model = _looked_at(found, label, group, methods).model_validate(parameters)
+            model = _looked_at(found, label, group, base, methods).model_validate(parameters)
         except ValidationError as error:
             raise _in_our_words(error, parameters, found) from None
         except Exception as error:  # of its author's validators, or a class that is not defined in full
@@ -75,10 +77,18 @@ def own_models(
     return WrapValidator(validate), WrapSerializer(serialize)
 
 
-def _looked_at(found: type[Variant], label: str, group: str, methods: Mapping[str, Method]) -> type[Variant]:
+def _has(found: type[Variant], name: str, base: type[Variant]) -> bool:
+    """Whether a model has something, other than its base, which says only what it is."""
+    of_base = getattr(base, name, None)
+    return name in found.model_fields or getattr(found, name, of_base) is not of_base
+
+
+def _looked_at(
+    found: type[Variant], label: str, group: str, base: type[Variant], methods: Mapping[str, Method]
+) -> type[Variant]:
     key = found, label, group
     if key not in _KNOWN:
-        _KNOWN[key] = looked_at(found, label, methods)
+        _KNOWN[key] = looked_at(found, label, base, methods)
     return _KNOWN[key]
 
 

@@ -137,8 +137,10 @@ class Made:
         """Do nothing."""
 
 
-def looked_at(found: type[Variant], label: str, methods: Mapping[str, Method]) -> type[Variant]:
-    """Return a model's class as it is, but that what some of its methods give is looked at.
+def looked_at(
+    found: type[Variant], label: str, base: type[Variant], methods: Mapping[str, Method]
+) -> type[Variant]:
+    """Return a model's class with what it lacks of a base, where what some of its methods give is looked at.
 
     They raise `OwnModelError`, but for `ChannelInputError`, by which a model says for what it does not hold.
     """
@@ -158,9 +160,16 @@ def looked_at(found: type[Variant], label: str, methods: Mapping[str, Method]) -
 
         return call
 
+    lacks = {
+        name: default
+        for name, default in vars(base).items()
+        if not (name.startswith("_") or hasattr(found, name) or name in found.model_fields)
+    }
     own = {"__module__": found.__module__, "__qualname__": found.__qualname__, "__doc__": found.__doc__}
-    calls = {name: watched(name, method) for name, method in methods.items()}
+    calls = {name: watched(name, method) for name, method in methods.items() if hasattr(found, name)}
     made = cast(type[Variant], new_class(found.__name__, (found,), {}, lambda body: body.update(own | calls)))
+    for name, default in lacks.items():
+        setattr(made, name, default)
     return made
 
 

@@ -105,7 +105,10 @@ ANTENNA: Final[Methods] = {
 NOISE: Final[Methods] = {
     "noise_floor_dbm": Numbers(
         (BANDWIDTH_HZ, FREQUENCY_HZ), "frequency_hz", lambda _, frequency_hz: frequency_hz
-    )
+    ),
+    "behind_cable_dbm": Numbers(
+        (BANDWIDTH_HZ, FREQUENCY_HZ, 1.0), "frequency_hz", lambda _, frequency_hz, __: frequency_hz
+    ),
 }
 ERROR: Final[Methods] = {
     "ber": Numbers((SNRS_DB, BAND), "snr_db", lambda snr_db, _: snr_db, 0.0, 1.0),

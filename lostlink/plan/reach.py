@@ -50,7 +50,7 @@ class Reach:
 
 def reach_of(radio: Radio, payload_bytes: int) -> Reach:
     """The reach of a radio; of one whose law asks for places only that it does."""
-    if getattr(radio.config.propagation, "needs_places", False):
+    if radio.config.propagation.needs_places:
         return Reach({}, None)
     limit_m = FARTHEST_M
     while limit_m > NEAREST_M:

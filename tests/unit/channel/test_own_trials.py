@@ -188,3 +188,113 @@ def test_check_ends_in_order_with_a_law_that_goes_up_and_down_or_raises(tmp_path
     assert (done.exit_code == 2) == ("raise" in body)
     assert ("RuntimeError: too far" in done.output) == ("raise" in body)
     assert re.search(r"laws\.py:Own\.path_loss_db", done.output) or "raise" not in body
+
+
+FLAGS = """
+from typing import ClassVar
+
+import numpy as np
+from channel.propagation.path_loss import PathLossModel
+from channel.variant import Variant
+
+
+class Plain(Variant):
+    {flags}
+    def path_loss_db(self, path):
+        return 40.0 * np.log10(path.distance_m)
+
+
+class Derived(PathLossModel):
+    {flags}
+    def path_loss_db(self, path):
+        return 40.0 * np.log10(path.distance_m)
+
+
+class Lacking(PathLossModel):
+    pass
+"""
+
+
+@pytest.mark.parametrize("name", ["Plain", "Derived"])
+@pytest.mark.parametrize(
+    ("flags", "flag"),
+    [
+        ("pass", ""),
+        ("has_ground: ClassVar[bool] = True", "has_ground"),
+        ("has_earth: ClassVar[bool] = True", "has_earth"),
+    ],
+)
+def test_a_law_has_the_flags_of_its_kind_whether_it_is_derived_or_not(tmp_path, name, flags, flag):
+    (tmp_path / "laws.py").write_text(FLAGS.format(flags=flags))
+    law = presets.load_radio("perfect", {"propagation": {"class": f"{tmp_path}/laws.py:{name}"}}).propagation
+    known = ("needs_places", "needs_roles", "by_rays", "has_ground", "has_earth", "draws_sight", "has_sigmas")
+    assert [each for each in known if getattr(law, each)] == ([flag] if flag else [])
+
+
+def test_a_flag_may_be_a_field_of_a_law_that_is_not_derived(tmp_path):
+    (tmp_path / "laws.py").write_text(
+        FLAGS.format(flags="needs_places: bool = True").replace("Derived(Path", "D(Path")
+    )
+    (tmp_path / "laws.py").write_text((tmp_path / "laws.py").read_text().partition("class D(")[0])
+    assert presets.load_radio(
+        "perfect", {"propagation": {"class": f"{tmp_path}/laws.py:Plain"}}
+    ).propagation.needs_places
+
+
+def test_a_law_that_only_derives_lacks_its_loss(tmp_path):
+    (tmp_path / "laws.py").write_text(FLAGS.format(flags="pass"))
+    with pytest.raises(PresetError, match=r"Lacking in .* has no path_loss_db"):
+        presets.load_radio("perfect", {"propagation": {"class": f"{tmp_path}/laws.py:Lacking"}})
+
+
+OPENED = """
+from channel.access.settings.base import Serial
+from channel.routing.router import Forwarding, HopRouter
+from channel.variant import Variant
+
+
+class Way(Variant):
+    def open({given}):
+        return {gives}
+
+
+class Air(Serial):
+    def open({given}):
+        return {gives}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "of"), [("routing", "Way", "HopRouter"), ("medium", "Air", "AccessMedium")]
+)
+@pytest.mark.parametrize(
+    ("given", "gives", "problem"),
+    [
+        ("self, *given", "None", "gave None: has to give a subclass of {of}"),
+        ("self", "None", "open: TypeError: {name}.open() takes 1 positional argument"),
+    ],
+)
+def test_what_opens_a_medium_or_routing_has_to_give_one(tmp_path, kind, name, of, given, gives, problem):
+    (tmp_path / "laws.py").write_text(OPENED.format(given=given, gives=gives))
+    radio = {
+        "preset": "telemetry-915",
+        "medium": {"model": "airtime"},
+        kind: {"class": f"{tmp_path}/laws.py:{name}"},
+    }
+    done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={json.dumps(radio)}"])
+    assert done.exit_code == 2
+    assert f"laws.py:{name}.open" in done.output
+    assert problem.format(of=of, name=name) in done.output
+    assert "Traceback" not in done.output
+
+
+def test_a_routing_of_ones_own_needs_no_copies(tmp_path):
+    (tmp_path / "laws.py").write_text(
+        OPENED.format(given="self, nodes, draws", gives="HopRouter(tuple(nodes), draws, Forwarding())")
+    )
+    routing = {"class": f"{tmp_path}/laws.py:Way"}
+    config = presets.load_radio("telemetry-915", {"medium": {"model": "airtime"}, "routing": routing})
+    assert config.routing.copies(7) == 1
+    radio = {"preset": "telemetry-915", "medium": {"model": "airtime"}, "routing": routing}
+    done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={json.dumps(radio)}"])
+    assert done.exit_code == 0, done.output
