@@ -43,9 +43,10 @@ from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, Pa
 from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
-from channel.variant import Variant
+from channel.variant import Variant, called
 from sitl_configs.settings import Settings, refused
 
+LAWS = ("propagation", "atmosphere", "shadowing", "fading", "noise", "bursts", "error", "antenna")
 SHADOWING_METHODS = (
     "is_random",
     "decorrelation_m",
@@ -223,6 +224,12 @@ class RadioConfig(Settings):
                 f"{routing}: with medium: {medium} a radio has one peer, and cannot hand on", "routing"
             )
         return self
+
+    @property
+    def laws(self) -> dict[str, str]:
+        """What each of its models is called, by key, but for those that do nothing."""
+        names = {key: called(getattr(self, key)) for key in LAWS}
+        return {key: name for key, name in names.items() if name != "none"}
 
     @property
     def receiving_antenna(self) -> AntennaModel:

@@ -1,20 +1,23 @@
 """Models that are not part of this package: registered by entry point, or named as `class: file.py:Name`.
 
-An entry point of the group `lostlink.propagation` (or `.fading`, `.error`, `.antenna`) gives a class the name under
-which `model` finds it. `class` names one in a file, or in a module that can be imported, without installing anything.
+An entry point of a group gives a class the name under which `model` finds it: `lostlink.propagation`, `.shadowing`,
+`.fading`, `.noise`, `.bursts`, `.error`, `.antenna`, `.medium` and `.routing`. `class` names one in a file, or in a
+module that can be imported, without installing anything.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from pydantic import ValidationError, WrapSerializer, WrapValidator
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from channel.own_methods import Method, looked_at, tried
@@ -28,13 +31,20 @@ _KNOWN: dict[tuple[type[Variant], str, str], type[Variant]] = {}
 """Classes whose methods are looked at, by what they are made of."""
 
 
+@dataclass(frozen=True, slots=True)
+class OwnModels:
+    """In the annotation of a field: that it takes a user's models, by the group of their entry points."""
+
+    group: str
+
+
 def own_models(
     group: str,
     *needed: str,
     base: type[Variant] = Variant,
     methods: Mapping[str, Method] = NO_METHODS,
     trial: Callable[[Any, str], None] | None = None,
-) -> tuple[WrapValidator, WrapSerializer]:
+) -> tuple[WrapValidator, WrapSerializer, OwnModels]:
     """Return what lets a field of a radio take a user's model beside those of its union.
 
     Args:
@@ -74,7 +84,13 @@ def own_models(
             name: item for name, item in value.model_dump(mode="json").items() if name != "model"
         }
 
-    return WrapValidator(validate), WrapSerializer(serialize)
+    return WrapValidator(validate), WrapSerializer(serialize), OwnModels(group)
+
+
+def takes_own(field: FieldInfo) -> bool:
+    """Return whether a field takes a user's model."""
+    below = [each for part in get_args(field.annotation) for each in getattr(part, "__metadata__", ())]
+    return any(isinstance(each, OwnModels) for each in (*field.metadata, *below))
 
 
 def _has(found: type[Variant], name: str, base: type[Variant]) -> bool:

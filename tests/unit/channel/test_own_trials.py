@@ -298,3 +298,13 @@ def test_a_routing_of_ones_own_needs_no_copies(tmp_path):
     radio = {"preset": "telemetry-915", "medium": {"model": "airtime"}, "routing": routing}
     done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={json.dumps(radio)}"])
     assert done.exit_code == 0, done.output
+
+
+def test_link_and_check_name_the_laws(tmp_path):
+    settings = own(tmp_path, "propagation", "return super().path_loss_db(path)")
+    told = "propagation laws.py:Own, noise thermal, error uncoded-awgn, antenna isotropic"
+    link = ["link", "--radio", "corrected", "--ground-distance", "400"]
+    link += [f"--set={key}={json.dumps(value)}" for key, value in settings.items()]
+    radio = json.dumps({"preset": "corrected", **settings})
+    for command in (link, ["check", "--set", f"radio={radio}"]):
+        assert told in CliRunner().invoke(lostlink, command).output
