@@ -10,7 +10,7 @@ from channel.access.settings.base import Ideal
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings, name_of
 from channel.access.settings.sik import SikMedium
-from channel.antenna import HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
+from channel.antenna import AntennaModel, HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
 from channel.fading.laws import Nakagami, NoFading, Rayleigh, Rician
 from channel.fading.shadowing import (
@@ -20,22 +20,33 @@ from channel.fading.shadowing import (
     OneSidedNormalShadowing,
 )
 from channel.own import own_models
+from channel.own_trials import (
+    ANTENNA,
+    BURSTS,
+    ERROR,
+    FADING,
+    NOISE,
+    PROPAGATION,
+    SHADOWING,
+    try_losses,
+    try_mean_loss,
+)
 from channel.phy.error_model import ErfcBytes, Lossless, NoncoherentFsk, SnrTable, Threshold, UncodedAwgn
 from channel.phy.interference import Interference
-from channel.phy.noise import FixedNoise, ManMadeNoise, ThermalNoise, noise_behind_cable_dbm
+from channel.phy.noise import FixedNoise, ManMadeNoise, NoiseModel, ThermalNoise
 from channel.phy.ofdm import OfdmNist, OfdmYans
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.atmosphere import ItuAtmosphere, NoAtmosphere
 from channel.propagation.gain_map import GainMap
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss
+from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, PathLossModel
 from channel.propagation.terrain import Terrain
-from channel.propagation.trial import try_law
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
-from channel.variant import Variant
+from channel.variant import Variant, called
 from sitl_configs.settings import Settings, refused
 
+LAWS = ("propagation", "atmosphere", "shadowing", "fading", "noise", "bursts", "error", "antenna")
 SHADOWING_METHODS = (
     "is_random",
     "decorrelation_m",
@@ -59,36 +70,47 @@ Propagation = Annotated[
     | Terrain
     | GainMap,
     Field(discriminator="model"),
-    *own_models("propagation", "path_loss_db", trial=try_law),
+    *own_models("propagation", "path_loss_db", base=PathLossModel, methods=PROPAGATION, trial=try_losses),
 ]
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
-    *own_models("shadowing", *SHADOWING_METHODS),
+    *own_models("shadowing", *SHADOWING_METHODS, methods=SHADOWING),
 ]
 Fading = Annotated[
     NoFading | Rayleigh | Rician | Nakagami,
     Field(discriminator="model"),
-    *own_models("fading", "gain_db", "rule", "is_random", "by_elevation", "coherence", "max_coherence_s"),
+    *own_models(
+        "fading",
+        "gain_db",
+        "rule",
+        "is_random",
+        "by_elevation",
+        "coherence",
+        "max_coherence_s",
+        methods=FADING,
+    ),
 ]
 Antenna = Annotated[
     Isotropic | HalfWaveDipole | Sector | Pattern,
     Field(discriminator="model"),
-    *own_models("antenna", "needs_direction", "towards_db"),
+    *own_models("antenna", "needs_direction", "towards_db", methods=ANTENNA),
 ]
 Atmosphere = Annotated[NoAtmosphere | ItuAtmosphere, Field(discriminator="model")]
 Bursts = Annotated[
-    NoBursts | GilbertElliott, Field(discriminator="model"), *own_models("bursts", "mean_loss", "loss_at")
+    NoBursts | GilbertElliott,
+    Field(discriminator="model"),
+    *own_models("bursts", "mean_loss", "loss_at", methods=BURSTS, trial=try_mean_loss),
 ]
 Noise = Annotated[
     FixedNoise | ThermalNoise | ManMadeNoise,
     Field(discriminator="model"),
-    *own_models("noise", "noise_floor_dbm"),
+    *own_models("noise", "noise_floor_dbm", base=NoiseModel, methods=NOISE),
 ]
 Error = Annotated[
     ErfcBytes | UncodedAwgn | NoncoherentFsk | OfdmNist | OfdmYans | SnrTable | Lossless | Threshold,
     Field(discriminator="model"),
-    *own_models("error", "breaks_db", "ber", "per"),
+    *own_models("error", "breaks_db", "ber", "per", methods=ERROR),
 ]
 
 
@@ -181,8 +203,7 @@ class RadioConfig(Settings):
 
     @model_validator(mode="after")
     def _has_a_sigma(self) -> Self:
-        has_its_own = getattr(self.propagation, "has_sigmas", False)
-        if self.shadowing.in_sight(True) is None and not has_its_own:
+        if self.shadowing.in_sight(True) is None and not self.propagation.has_sigmas:
             text = "is missing: only uma-av and rma-av with a drawn line of sight have their own"
             raise refused(text, "shadowing", "sigma_db")
         return self
@@ -205,7 +226,13 @@ class RadioConfig(Settings):
         return self
 
     @property
-    def receiving_antenna(self) -> Isotropic | HalfWaveDipole | Sector | Pattern:
+    def laws(self) -> dict[str, str]:
+        """What each of its models is called, by key, but for those that do nothing."""
+        names = {key: called(getattr(self, key)) for key in LAWS}
+        return {key: name for key, name in names.items() if name != "none"}
+
+    @property
+    def receiving_antenna(self) -> AntennaModel:
         """The receiver's antenna."""
         return self.antenna if self.receive_antenna is None else self.receive_antenna
 
@@ -217,5 +244,4 @@ class RadioConfig(Settings):
     @property
     def noise_floor_dbm(self) -> float:
         """The noise power at the receiver, behind its cable, dBm."""
-        cable_loss_db = self.receiving_cable_loss_db
-        return noise_behind_cable_dbm(self.noise, self.bandwidth_hz, self.frequency_hz, cable_loss_db)
+        return self.noise.behind_cable_dbm(self.bandwidth_hz, self.frequency_hz, self.receiving_cable_loss_db)

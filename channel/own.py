@@ -1,40 +1,58 @@
 """Models that are not part of this package: registered by entry point, or named as `class: file.py:Name`.
 
-An entry point of the group `lostlink.propagation` (or `.fading`, `.error`, `.antenna`) gives a class the name under
-which `model` finds it. `class` names one in a file, or in a module that can be imported, without installing anything.
+An entry point of a group gives a class the name under which `model` finds it: `lostlink.propagation`, `.shadowing`,
+`.fading`, `.noise`, `.bursts`, `.error`, `.antenna`, `.medium` and `.routing`. `class` names one in a file, or in a
+module that can be imported, without installing anything.
 """
 
 from __future__ import annotations
 
 import hashlib
-import importlib
-import importlib.util
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import MappingProxyType, ModuleType
+from typing import Any, Final, get_args
 
 from pydantic import ValidationError, WrapSerializer, WrapValidator
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from channel.own_methods import Method, looked_at, tried
 from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
+from sitl_configs.own_code import load_module, told
 
 CLASS_KEY = "class"
+NO_METHODS: Final[Mapping[str, Method]] = MappingProxyType({})
+_KNOWN: dict[tuple[type[Variant], str, str], type[Variant]] = {}
+"""Classes whose methods are looked at, by what they are made of."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnModels:
+    """In the annotation of a field: that it takes a user's models, by the group of their entry points."""
+
+    group: str
 
 
 def own_models(
-    group: str, *needed: str, trial: Callable[[Any], None] | None = None
-) -> tuple[WrapValidator, WrapSerializer]:
+    group: str,
+    *needed: str,
+    base: type[Variant] = Variant,
+    methods: Mapping[str, Method] = NO_METHODS,
+    trial: Callable[[Any, str], None] | None = None,
+) -> tuple[WrapValidator, WrapSerializer, OwnModels]:
     """Return what lets a field of a radio take a user's model beside those of its union.
 
     Args:
         group: of entry points, without `lostlink.`.
         needed: methods and properties that the model has to have.
-        trial: raises ValueError if a model does not do what it has to.
+        base: of such models; one that is not derived from it gets what it lacks.
+        methods: what those have to give whose results are looked at.
+        trial: tries what else a model, which is called so, has to do; raises OwnModelError if it does not.
     """
 
     def validate(value: Any, others: Callable[[Any], Any]) -> Any:
@@ -43,19 +61,18 @@ def own_models(
         key, parameters = _asked_for(value, group)
         if key is None:
             return others(value)
-        found = _class_of(key, group)
-        missing = [name for name in needed if not hasattr(found, name) and name not in found.model_fields]
+        found, label = _class_of(key, group), Path(key[1]).name
+        missing = [name for name in needed if not _has(found, name, base)]
         if missing:
             raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
         try:
-            model = found.model_validate(parameters)
+            model = _looked_at(found, label, group, base, methods).model_validate(parameters)
         except ValidationError as error:
             raise _in_our_words(error, parameters, found) from None
-        if trial is not None:
-            try:
-                trial(model)
-            except ValueError as error:
-                raise ValueError(f"{found.__name__} in {key[1]}: {error}") from error
+        except Exception as error:  # of its author's validators, or a class that is not defined in full
+            raise ValueError(told(error, key[1])) from error
+        if getattr(model, "is_random", True):
+            tried(model, label, methods, trial)
         model._own_key = key
         return model
 
@@ -67,7 +84,28 @@ def own_models(
             name: item for name, item in value.model_dump(mode="json").items() if name != "model"
         }
 
-    return WrapValidator(validate), WrapSerializer(serialize)
+    return WrapValidator(validate), WrapSerializer(serialize), OwnModels(group)
+
+
+def takes_own(field: FieldInfo) -> bool:
+    """Return whether a field takes a user's model."""
+    below = [each for part in get_args(field.annotation) for each in getattr(part, "__metadata__", ())]
+    return any(isinstance(each, OwnModels) for each in (*field.metadata, *below))
+
+
+def _has(found: type[Variant], name: str, base: type[Variant]) -> bool:
+    """Whether a model has something, other than its base, which says only what it is."""
+    of_base = getattr(base, name, None)
+    return name in found.model_fields or getattr(found, name, of_base) is not of_base
+
+
+def _looked_at(
+    found: type[Variant], label: str, group: str, base: type[Variant], methods: Mapping[str, Method]
+) -> type[Variant]:
+    key = found, label, group
+    if key not in _KNOWN:
+        _KNOWN[key] = looked_at(found, label, base, methods)
+    return _KNOWN[key]
 
 
 def class_path(text: str, folder: Path) -> str:
@@ -110,38 +148,22 @@ def _from_text(text: str) -> object:
     place, colon, name = text.rpartition(":")
     if not colon or not name.isidentifier():
         raise ValueError(f"{text!r} is not file.py:Name or module:Name")
-    module = _from_file(Path(place).absolute()) if place.endswith(".py") else _installed(place)
+    path = Path(place).absolute()
+    module = (
+        _loaded(path, path.stat().st_mtime_ns if path.is_file() else 0)
+        if place.endswith(".py")
+        else load_module(place)
+    )
     if not hasattr(module, name):
         raise ValueError(f"{place} has no class {name}")
     return getattr(module, name)
 
 
-def _from_file(path: Path) -> ModuleType:
-    """Return the module of a file, the same until the file changes."""
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file")
-    return _loaded(path, path.stat().st_mtime_ns)
-
-
 @lru_cache(maxsize=64)
 def _loaded(path: Path, changed_ns: int) -> ModuleType:
-    name = f"{path.stem}__{hashlib.blake2b(f'{path} {changed_ns}'.encode(), digest_size=6).hexdigest()}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None, "a name that ends in .py has a loader"
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def _installed(module: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
-            raise ValueError(f"no module {module}") from error
-        raise
+    """Return the module of a file, the same until the file changes."""
+    digest = hashlib.blake2b(f"{path} {changed_ns}".encode(), digest_size=6).hexdigest()
+    return load_module(str(path), f"{path.stem}__{digest}")
 
 
 def _in_our_words(error: ValidationError, parameters: Tree, found: type[Variant]) -> ValidationError:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from pydantic import PrivateAttr
 
 from sitl_configs.settings import Settings
@@ -12,3 +14,10 @@ class Variant(Settings):
 
     _own_key: tuple[str, str] | None = PrivateAttr(default=None)
     """Of a user's model: `model` or `class`, and its value; see `own`."""
+
+
+def called(model: Variant) -> str:
+    """Return what a model is called: by its `model` key, or of a user's own file and class."""
+    if model._own_key is not None:
+        return Path(model._own_key[1]).name
+    return str(getattr(model, "model", type(model).__name__))

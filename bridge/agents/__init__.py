@@ -8,12 +8,13 @@ from bridge.agents.beside import connect_ua
 from bridge.agents.client import UaClient
 from bridge.agents.commands import CommandFailed, CommandInterrupted, CommandRefused, CommandTimedOut, RunOver
 from bridge.agents.measurements import Measurement
-from bridge.agents.own import AgentError, load_class
+from bridge.agents.own import load_class
 from bridge.agents.shipped.hold import Hold
 from bridge.agents.shipped.out_and_back import OutAndBack
 from bridge.agents.shipped.still import Still
 from bridge.bus.reception import Reception
 from bridge.scenario.agents import AgentConfig, OwnAgent
+from sitl_configs.own_code import OwnCodeError
 
 AGENTS: dict[str, type[Agent]] = {"hold": Hold, "out_and_back": OutAndBack, "still": Still}
 
@@ -22,7 +23,7 @@ def agent_class(config: AgentConfig, node: str = "") -> type[Agent]:
     """The class of the agent that a scenario asks for, for a node with this id.
 
     Raises:
-        AgentError: if an agent of type ``own`` cannot be found.
+        OwnCodeError: if an agent of type ``own`` cannot be found.
     """
     if isinstance(config, OwnAgent):
         return load_class(config.place, config.class_name, node)
@@ -32,7 +33,6 @@ def agent_class(config: AgentConfig, node: str = "") -> type[Agent]:
 __all__ = [
     "AGENTS",
     "Agent",
-    "AgentError",
     "CommandFailed",
     "CommandInterrupted",
     "CommandRefused",
@@ -40,6 +40,7 @@ __all__ = [
     "Hold",
     "Measurement",
     "OutAndBack",
+    "OwnCodeError",
     "Reception",
     "RunOver",
     "Still",

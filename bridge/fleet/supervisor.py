@@ -194,7 +194,8 @@ class Fleet:
 
     def _child_ended(self, child: Child) -> None:
         what = f"{child.spec.name} {child.how_it_ended}"
-        text = f"{what}; its log is {child.spec.log_path}"
+        why = child.why_it_ended
+        text = f"{what}{why and f': {why}'}; its log is {child.spec.log_path}"
         if not self._outcome.done():
             self._report.event(self.course.sim_time_ns, "", DIED, text)
             self._report.may_not_repeat(

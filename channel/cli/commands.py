@@ -18,6 +18,7 @@ from channel.cli.air_command import air
 from channel.cli.fit_command import FitRequest, fit_options, run_fit
 from channel.cli.link_report import link_report, link_text
 from channel.cli.options import BadInput, chosen_radio, radio_options, writing
+from channel.own_methods import OwnModelError
 from channel.validity import ValidityWarning
 
 
@@ -74,7 +75,7 @@ def link(
                 click.echo(json_module.dumps(report, indent=2) if as_json else link_text(report))
             else:
                 _sweep(radio, settings, sweep, given, as_json=as_json, plot=plot)
-    except (ChannelInputError, presets.PresetError) as error:
+    except (ChannelInputError, OwnModelError, presets.PresetError) as error:
         raise BadInput(str(error)) from error
 
 

@@ -15,11 +15,11 @@ Report = dict[str, Any]
 def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Unpack[Geometry]) -> Report:
     """Return the link budget of one link, term by term, and what follows from it.
 
-    Keys: radio, description, frequency_hz, distance_m (over the ground), slant_distance_m, length_bytes, terms
-    (name and contribution, in order, their sum is the received power), path_loss_db, received_power_dbm,
-    noise_floor_dbm, preamble_dbm (the weakest signal that receivers lock on to; None if the error rate alone
-    decides), snr_db, ber, per (these without shadowing and fading), in_range, base_loss, probability_of_delivery
-    (averaged over the random terms) and probability_error_bound.
+    Keys: radio, description, laws (what each of its models is called), frequency_hz, distance_m (over the ground),
+    slant_distance_m, length_bytes, terms (name and contribution, in order, their sum is the received power),
+    path_loss_db, received_power_dbm, noise_floor_dbm, preamble_dbm (the weakest signal that receivers lock on to;
+    None if the error rate alone decides), snr_db, ber, per (these without shadowing and fading), in_range, base_loss,
+    probability_of_delivery (averaged over the random terms) and probability_error_bound.
 
     Args:
         config: the radio.
@@ -35,6 +35,7 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
     return {
         "radio": config.name,
         "description": config.description,
+        "laws": config.laws,
         "frequency_hz": float(np.asarray(ends.get("frequency_hz") or config.frequency_hz)),
         "distance_m": float(np.asarray(ends["ground_distance_m"])),
         "slant_distance_m": float(link.distance_m),
@@ -77,4 +78,5 @@ def link_text(report: Report) -> str:
     level_dbm = report["preamble_dbm"]
     if level_dbm is not None and report["received_power_dbm"] < level_dbm:
         notes.append("  too weak: receivers lock on to no signal below preamble_dbm (medium.preamble_dbm)")
-    return "\n".join([head, where, "", *rows, *notes])
+    laws = ", ".join(f"{key} {name}" for key, name in report["laws"].items())
+    return "\n".join([head, laws, where, "", *rows, *notes])

@@ -41,7 +41,9 @@ class FadingModel(Protocol):
 
     A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw. It
     may have `chance_below`, its distribution function of gain in dB and elevation, and `split_rule`, which is `rule`
-    with more borders, at gains of shape (links, breaks): averages of what jumps there are exact by them.
+    with more borders, at gains of shape (links, breaks): averages of what jumps there are exact by them. With the
+    coherence `doppler` it may say `scattering` (`ring` unless it does), and have `gain_of_scatter_db`, see
+    `scatter_gain_db`.
     """
 
     @property

@@ -20,7 +20,9 @@ MAX_NORMAL = 8.209536151601387
 class ShadowingModel(Protocol):
     """A random loss, given as a function of one standard normal variable.
 
-    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw.
+    A law may say `max_gain_db`, the largest gain that any draw gives: packets that it does not save cost no draw. With
+    a decorrelation distance it may say `surroundings` (`own` unless it does) and `shared_ends` (0), see
+    `CorrelatedShadowing`.
     """
 
     @property

@@ -85,7 +85,7 @@ class Radio:
         self.config = config
         self._emitters_of_run = tuple(emitters)
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
-        self.sight = Sight(config, self._band) if getattr(config.propagation, "draws_sight", False) else None
+        self.sight = Sight(config, self._band) if config.propagation.draws_sight else None
         self.terms_are_of_places = (
             self.sight is not None or getattr(config.shadowing, "surroundings", "own") == "shared"
         )
@@ -99,15 +99,13 @@ class Radio:
         )
         self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
         self._expectation = Expectation(config, self._band)
-        self.needs_roles = bool(getattr(config.propagation, "needs_roles", False))
+        self.needs_roles = config.propagation.needs_roles
         self._per_table = PerTable(self.per_unchecked)
         self.locks_from_dbm = self._level(self.noise_floor_dbm)
         self._is_random = self.sight is not None or config.shadowing.is_random or config.fading.is_random
         self._fixed_terms = self._make_fixed_terms()
         self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
-        self.needs_places = (
-            self.needs_attitude or bool(self.sources) or getattr(config.propagation, "needs_places", False)
-        )
+        self.needs_places = self.needs_attitude or bool(self.sources) or config.propagation.needs_places
 
     def towards(self, receiver: Radio) -> Radio:
         """Return the physics of links on which this radio transmits to another one.
@@ -165,7 +163,7 @@ class Radio:
     @property
     def is_by_distance(self) -> bool:
         """Whether a distance says what is delivered: neither law nor sources of interference ask for places."""
-        return not self.sources and not getattr(self.config.propagation, "needs_places", False)
+        return not self.sources and not self.config.propagation.needs_places
 
     def at_bit_rate(self, bit_rate_bps: float | None) -> Radio:
         """Return the same radio at another bit rate: errors are those of its modulation there; None: this one."""
@@ -353,12 +351,12 @@ class Radio:
     def _bulge_db(self, path: Path, loss_db: FloatArray) -> FloatArray | None:
         """Return what the bulge of the Earth takes beyond the law's loss, dB; None: nothing."""
         factor, law = self.config.earth_radius_factor, self.config.propagation
-        if factor is None or getattr(law, "has_earth", False):
+        if factor is None or law.has_earth:
             return None
         bulge = bulge_of(path, factor)
         if bulge is None:
             return None
-        if not getattr(law, "has_ground", False):
+        if not law.has_ground:
             return bulge.share * bulge.loss_db
         smooth_db = friis_db(path.distance_m, path.frequency_hz) + bulge.loss_db
         return bulge.share * np.maximum(smooth_db - loss_db, 0.0)

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from channel.antenna import AntennaModel, to_body
 from channel.geometry import LEVEL_WXYZ, Path, reflected_ways_ned
+from channel.propagation.path_loss import PathLossModel
 
 
-def with_reflection(path: Path, propagation: Any, tx: AntennaModel | None, rx: AntennaModel) -> Path:
+def with_reflection(
+    path: Path, propagation: PathLossModel, tx: AntennaModel | None, rx: AntennaModel
+) -> Path:
     """Return the path with the antennas' gains along the reflected ray, if the propagation asks for them.
 
     Args:
         path: the links.
-        propagation: a model with `by_rays`, or one that asks for nothing.
+        propagation: the law of the way.
         tx: antenna of the transmitter; None: the same in every direction.
         rx: antenna of the receiver.
     """
     by_direction = rx.needs_direction or (tx is not None and tx.needs_direction)
-    if not getattr(propagation, "by_rays", False) or not by_direction:
+    if not propagation.by_rays or not by_direction:
         return path
     attitudes = path.attitude_tx_wxyz, path.attitude_rx_wxyz
     level = [LEVEL_WXYZ if attitude is None else attitude for attitude in attitudes]

@@ -19,6 +19,7 @@ from channel.network.entry import EntryInstants
 from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
+from channel.own_methods import OwnModelError
 from channel.routing.routed import Routed, RoutingCounts
 from channel.routing.router import HopRouter
 
@@ -288,15 +289,28 @@ class Network:
         done = []
         for key, begin, end, place in zip(keys, [0, *ends], ends, last.tolist(), strict=False):
             still_open = self._open[key].receivers
+            left = len(still_open) - (end - begin)
             still_open.difference_update(decided[begin:end])
+            if len(still_open) != left:
+                raise self._told_twice(key)
             if not still_open:
                 del self._open[key]
                 done.append((place, key))
         return [key for _, key in sorted(done)]
 
+    def _told_twice(self, key: tuple[int, int]) -> OwnModelError:
+        node, number = key
+        return OwnModelError(
+            f"the medium {type(self._access).__name__} has two fates of packet {number} of node "
+            f"{self._world.ids[node]} at one receiver: it is transmitted twice, or booked twice"
+        )
+
     def _packets_of(self, columns: FateColumns) -> tuple[Packets, NDArray[np.intp]]:
         """The packets that fates are of, in canonical order, and the row of each fate's."""
         keys = [(packet.node, packet.number) for packet in columns.packets]
+        for key in keys:
+            if key not in self._open:
+                raise self._told_twice(key)
         order = sorted((self._open[key].sim_time_ns, *key) for key in set(keys))
         if not order:
             return NO_PACKETS, np.zeros(0, dtype=np.intp)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,28 +16,6 @@ from channel.variant import Variant
 
 STANDARD_TEMPERATURE_K = 290.0
 """T0 of the noise figure's definition (IEEE)."""
-
-
-class NoiseModel(Protocol):
-    """What a receiver hears when nobody transmits.
-
-    A model of noise that comes by the antenna may have `behind_cable_dbm`, with the loss of the receiver's cable in dB
-    as a third argument: it is taken for `noise_floor_dbm`, which knows no cable.
-    """
-
-    def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
-        """Return the noise power in `bandwidth_hz` about a carrier, dBm."""
-        ...
-
-
-def noise_behind_cable_dbm(
-    model: NoiseModel, bandwidth_hz: float, frequency_hz: float, cable_loss_db: float
-) -> float:
-    """Return the noise power at a receiver's input, where `cable_loss_db` lies between it and the antenna, dBm."""
-    behind_cable_dbm = getattr(model, "behind_cable_dbm", None)
-    if behind_cable_dbm is None:
-        return model.noise_floor_dbm(bandwidth_hz, frequency_hz)
-    return float(behind_cable_dbm(bandwidth_hz, frequency_hz, cable_loss_db))
 
 
 def thermal_noise_dbm(
@@ -56,7 +34,22 @@ def thermal_noise_dbm(
     return np.add(dbm_from_watt(BOLTZMANN_J_PER_K * temperature * bandwidth), figure)
 
 
-class FixedNoise(Variant):
+class NoiseModel(Variant):
+    """What a receiver hears when nobody transmits. One of a user's own has `noise_floor_dbm`."""
+
+    def noise_floor_dbm(self, bandwidth_hz: float, frequency_hz: float, /) -> float:
+        """Return the noise power in `bandwidth_hz` about a carrier, dBm."""
+        raise NotImplementedError
+
+    def behind_cable_dbm(self, bandwidth_hz: float, frequency_hz: float, _cable_loss_db: float, /) -> float:
+        """Return the noise power at the receiver's input, which a cable of some loss joins to the antenna, dBm.
+
+        That beside the antenna, unless the model is of noise that comes by it.
+        """
+        return self.noise_floor_dbm(bandwidth_hz, frequency_hz)
+
+
+class FixedNoise(NoiseModel):
     """A noise floor that somebody measured or printed; the bandwidth does not matter."""
 
     model: Literal["fixed"] = "fixed"
@@ -67,7 +60,7 @@ class FixedNoise(Variant):
         return self.floor_dbm
 
 
-class ThermalNoise(Variant):
+class ThermalNoise(NoiseModel):
     """k T B plus the receiver's noise figure."""
 
     model: Literal["thermal"] = "thermal"
@@ -92,7 +85,7 @@ The first four are of all editions (table 1, 0.3 to 250 MHz), `business` is of P
 """
 
 
-class ManMadeNoise(RangedVariant):
+class ManMadeNoise(RangedVariant, NoiseModel):
     """Man-made noise at a receiver near the ground by ITU-R P.372, and the receiver's own: k T0 B (fa + fr - 1).
 
     Behind a cable of loss lt it is k T0 B ((fa - 1) / lt + fr): the system's noise factor of P.372, sec. 2,

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from channel.checks import FloatArray
 from channel.geometry import Path
-from channel.propagation.path_loss import friis_db, spreading_db
+from channel.propagation.path_loss import PathLossModel, friis_db, spreading_db
 from channel.validity import RangedVariant
 
 HZ_PER_GHZ = 1e9
@@ -39,7 +39,7 @@ class SightState(NamedTuple):
     sigma_db: FloatArray | None
 
 
-class _BySight(RangedVariant):
+class _BySight(RangedVariant, PathLossModel):
     """What models with and without line of sight share."""
 
     has_ground: ClassVar[bool] = True

@@ -13,10 +13,9 @@ from pydantic import Field, field_validator
 from channel.checks import ChannelInputError, FloatArray
 from channel.geometry import Path
 from channel.propagation.gain_file import GainTable, read_gain_file
-from channel.propagation.path_loss import FreeSpace, LogDistance
+from channel.propagation.path_loss import FreeSpace, LogDistance, PathLossModel
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.validity import OutsideValidityError
-from channel.variant import Variant
 
 Fallback = Annotated[FreeSpace | LogDistance | TwoRay | TwoSlope, Field(discriminator="model")]
 FREQUENCY_SHARE = 0.05
@@ -24,7 +23,7 @@ FREQUENCY_SHARE = 0.05
 OUTSIDE = "within the map; `outside: fallback` goes on with `fallback`"
 
 
-class GainMap(Variant):
+class GainMap(PathLossModel):
     """Mean gain between two places, from a file (see `gain_file`): linear in dB between the points of a grid.
 
     One end has to stand at a transmitter of the map, within `tolerance_m`; which one does not matter, as the way is

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from channel.checks import FloatArray
 from channel.geometry import Path
-from channel.propagation.path_loss import spreading_db
+from channel.propagation.path_loss import PathLossModel, spreading_db
 from channel.validity import RangedVariant
 
 LARGE_CITY_BORDER_MHZ = 300.0
@@ -20,7 +20,7 @@ HZ_PER_MHZ = 1e6
 M_PER_KM = 1e3
 
 
-class OkumuraHata(RangedVariant):
+class OkumuraHata(RangedVariant, PathLossModel):
     """Hata's formulas for Okumura's curves (Hata, IEEE Trans. Veh. Technol. 29 (1980); COST 231, eq. 4.4.1).
 
     Valid for 150 to 1500 MHz, base 30 to 200 m, mobile 1 to 10 m, 1 to 20 km.
@@ -56,7 +56,7 @@ class OkumuraHata(RangedVariant):
         return np.asarray(urban + correction_db + spreading_db(path.distance_m, distance_m))
 
 
-class Cost231Hata(RangedVariant):
+class Cost231Hata(RangedVariant, PathLossModel):
     """COST 231's extension of Hata's formula to 2 GHz (COST 231 final report, eq. 4.4.3).
 
     Valid for 1500 to 2000 MHz, base 30 to 200 m, mobile 1 to 10 m, 1 to 20 km. There is no correction for

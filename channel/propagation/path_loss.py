@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Protocol
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,18 +18,33 @@ from channel.variant import Variant
 _FRIIS_CONSTANT_DB = 20.0 * math.log10(4.0 * math.pi / SPEED_OF_LIGHT_MPS)
 
 
-class PathLossModel(Protocol):
-    """A propagation law: geometry and frequency in, loss out.
+class PathLossModel(Variant):
+    """A propagation law: geometry and frequency in, loss out. One of a user's own has `path_loss_db`."""
 
-    Class attributes, all False where a law has none: `needs_places`, if it asks where the ends are and not only how far
-    apart and how high; `needs_roles`, if it asks which end is a base on the ground; `by_rays`, if it wants
-    `Path.reflected_gain_db`; `has_ground`, if the reflection or clutter of
-    flat ground is in it; `has_earth`, if the Earth is, and so needs no horizon.
-    """
+    needs_places: ClassVar[bool] = False
+    """Whether it asks where the ends are, and not only how far apart and how high."""
+    needs_roles: ClassVar[bool] = False
+    """Whether it asks which end is a base on the ground: `Path.tx_is_base`, `Path.rx_is_base`."""
+    by_rays: ClassVar[bool] = False
+    """Whether it asks for `Path.reflected_gain_db`."""
+    has_ground: ClassVar[bool] = False
+    """Whether the reflection or clutter of flat ground is in it: the horizon then takes what is beyond its loss."""
+    has_earth: ClassVar[bool] = False
+    """Whether the bulge of the Earth is in it: it needs no horizon."""
+
+    @property
+    def draws_sight(self) -> bool:
+        """Whether the line of sight is a random state: it has `sight_states` and `sight_decorrelation_m` then."""
+        return False
+
+    @property
+    def has_sigmas(self) -> bool:
+        """Whether these states have a sigma of their own, for shadowing without one."""
+        return False
 
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss in dB, positive when power is lost, in the broadcast shape of `path`."""
-        ...
+        raise NotImplementedError
 
 
 def friis_loss_db(distance_m: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
@@ -77,7 +92,7 @@ def spreading_db(distance_m: FloatArray | float, counted_m: FloatArray) -> Float
     return np.asarray(20.0 * np.log10(distance_m / counted_m))
 
 
-class FreeSpace(Variant):
+class FreeSpace(PathLossModel):
     """Free space between the two antennas (Friis; ITU-R P.525)."""
 
     model: Literal["free-space"] = "free-space"
@@ -87,7 +102,7 @@ class FreeSpace(Variant):
         return friis_db(path.distance_m, path.frequency_hz)
 
 
-class LogDistance(Variant):
+class LogDistance(PathLossModel):
     """Power law beyond a reference distance; the law that Moon et al. 2020 call Hata-Okumura (eq. 4).
 
     With no `reference_loss_db` the loss at the reference distance is that of free space.
@@ -106,7 +121,7 @@ class LogDistance(Variant):
         return self.reference_loss_db + beyond_db
 
 
-class NoPathLoss(Variant):
+class NoPathLoss(PathLossModel):
     """No loss at any distance: for the baselines that ignore the way."""
 
     model: Literal["none"] = "none"

@@ -15,15 +15,14 @@ from channel.geometry import MIN_HEIGHT_M, Path
 from channel.numbers.units import wavelength_m
 from channel.propagation.diffraction import Profile, bulge_m, bullington_db, edge_db, worst_nu
 from channel.propagation.elevation import TerrainOrigin, interpolated, library, read_elevation
-from channel.propagation.path_loss import friis_db
+from channel.propagation.path_loss import PathLossModel, friis_db
 from channel.validity import OutsideValidityError
-from channel.variant import Variant
 
 EDGE_M = 1e-6
 """By which a place may lie beyond the grid and still counts as on its border."""
 
 
-class Terrain(Variant):
+class Terrain(PathLossModel):
     """Free space plus the diffraction loss of the terrain under the way, and of the Earth's bulge with it.
 
     `edges: bullington` is P.526's construction for any number of edges, `worst` the loss of the one that reaches

@@ -12,8 +12,7 @@ from pydantic import Field
 from channel.checks import FloatArray
 from channel.geometry import Path
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db, wavelength_m
-from channel.propagation.path_loss import friis_db
-from channel.variant import Variant
+from channel.propagation.path_loss import PathLossModel, friis_db
 
 TWO_PI_EPSILON_0 = 2.0 * math.pi * 8.8541878188e-12
 LOWEST_AMPLITUDE = 1e-10
@@ -42,7 +41,7 @@ def rays_of(path: Path) -> Rays:
     return Rays(length_m, product / (length_m + path.distance_m), sine)
 
 
-class TwoRay(Variant):
+class TwoRay(PathLossModel):
     """Direct and ground-reflected ray, added with their phases.
 
     L = free space - 20 log10 |1 + G rho g d/r exp(-2 pi i (r - d) / lambda)|: d and r the lengths of the two rays, G
@@ -86,7 +85,7 @@ class TwoRay(Variant):
         return np.asarray((upright - root) / (upright + root) * np.exp(-8.0 * np.square(phase)))
 
 
-class TwoSlope(Variant):
+class TwoSlope(PathLossModel):
     """The two rays' envelope without interference: free space up to a crossover, h1^2 h2^2 / d^4 beyond it.
 
     Crossover at d = 4 pi h1 h2 / lambda (Rappaport, eq. 4.52 and 4.53). Both parts and the crossover take the

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
 from channel.access.timing import NS_PER_S
 from channel.draws import Draws
 from channel.own import own_models
+from channel.own_methods import Made, Method, Numbers
 from channel.routing.flood import Flood
 from channel.routing.mesh.mesh import Mesh, MeshNumbers
 from channel.routing.mesh.originator import (
@@ -30,10 +31,8 @@ Nodes = Mapping[str, int]
 """The place of each id on the network, in order."""
 
 
-class NoRouting(Variant):
-    """A packet goes from its sender to those who hear it, and no further."""
-
-    model: Literal["none"] = "none"
+class RoutingModel(Variant):
+    """Whether and how nodes hand packets on. One of a user's own has `open`."""
 
     def copies(self, nodes: int) -> int:
         """How often a packet for all is transmitted at most, on a network of so many nodes."""
@@ -41,7 +40,13 @@ class NoRouting(Variant):
         return 1
 
 
-class Relaying(Variant):
+class NoRouting(RoutingModel):
+    """A packet goes from its sender to those who hear it, and no further."""
+
+    model: Literal["none"] = "none"
+
+
+class Relaying(RoutingModel):
     """Nodes hand packets on."""
 
     processing_s: float = Field(
@@ -53,11 +58,6 @@ class Relaying(Variant):
     jitter_s: float = Field(
         default=0.001, ge=0.0, le=10.0, description="up to so much is added, drawn for each packet and node"
     )
-
-    def copies(self, nodes: int) -> int:
-        """How often a packet for all is transmitted at most, on a network of so many nodes."""
-        del nodes
-        return 1
 
     @property
     def forwarding(self) -> Forwarding:
@@ -200,17 +200,21 @@ def _by_name(value: Any) -> Any:
     return {"model": value} if isinstance(value, str) else value
 
 
+METHODS: Final[Mapping[str, Method]] = {
+    "open": Made(HopRouter),
+    "copies": Numbers((5,), "nodes", lambda nodes: nodes, low=1.0),
+}
 _Named = NoRouting | FloodRouting | StaticRouting | MeshRouting
 _Written = Literal["none", "flood", "mesh"] | _Named
 RoutingSettings = Annotated[
     _Named,
     Field(discriminator="model"),
-    *own_models("routing", "open", "copies"),
+    *own_models("routing", "open", base=RoutingModel, methods=METHODS),
     BeforeValidator(_by_name, json_schema_input_type=_Written),
 ]
 """A mapping, or a name alone: ``none``, ``flood``, ``mesh``.
 
-Of one's own as of media: ``class: file.py:Name``, with methods `open` and `copies`.
+Of one's own as of media: ``class: file.py:Name``, with a method `open`.
 """
 
 

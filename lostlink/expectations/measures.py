@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
 
-from bridge.agents.own import AgentError, load_module
 from bridge.record.logged import LoggedValue, logged_of
 from bridge.record.tables.logged import leaves
 from bridge.scenario.model import Scenario
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
 from lostlink.reading.run import load_run
+from sitl_configs.own_code import OwnCodeError, load_module
 
 
 class MeasureError(ValueError):
@@ -62,7 +62,7 @@ def measured(run: Path, wanted: FunctionExpectation) -> float | bool:
             raise MeasureError(f"{wanted.place} has no function {wanted.function_name}")
         found = function(load_run(run), **wanted.options)
         found = found.item() if hasattr(found, "item") else found
-    except (AgentError, MeasureError) as error:
+    except (OwnCodeError, MeasureError) as error:
         raise MeasureError(str(error)) from error
     except (Exception, SystemExit) as error:
         raise MeasureError(f"{wanted.function} raised {type(error).__name__}: {error}") from error

@@ -11,6 +11,7 @@ import numpy as np
 from bridge.scenario.document.files import YAML
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
+from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.flight.summary import of_transmissions, shares_draws
 
@@ -41,7 +42,7 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
         Distances in m and probabilities of delivery, of one length.
     """
     distance_m = np.linspace(1.0, farthest_m, CURVE_POINTS)
-    with suppress(OutsideValidityError):
+    with suppress(OutsideValidityError, OwnModelError):
         if radio.is_by_distance:
             return distance_m, radio.probability_of_delivery(distance_m)
     sums: dict[float, tuple[float, int]] = {}

@@ -13,6 +13,7 @@ from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Locking
 from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
+from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.plan.places import Places, path_to, places_at_start
 
@@ -59,7 +60,7 @@ def _taken_dbm(radio: Radio, node: str, places: Places, *, is_base: bool) -> flo
     path = path_to(radio, node, places, is_base=is_base)
     try:
         noise_dbm = radio.noise_dbm(path, tuple(each.duty >= 1.0 for each in radio.sources))
-    except OutsideValidityError:
+    except (OutsideValidityError, OwnModelError):
         return -np.inf  # a warning of its own
     power_mw = float(np.max(ratio_from_db(noise_dbm))) - float(ratio_from_db(radio.noise_floor_dbm))
     return float(db_from_ratio(power_mw)) if power_mw > 0.0 else -np.inf

@@ -58,6 +58,7 @@ class RadioPlan:
         name, medium, routing: names.
         frequency_hz, bit_rate_bps: of the radio.
         reach: at this rate.
+        laws: what each of its models is called, by key, but for those that do nothing.
         slot_reach: of slots that have another, by their rate, where it is another reach.
     """
 
@@ -68,6 +69,7 @@ class RadioPlan:
     reach: Reach
     slot_reach: dict[str, Reach]
     routing: str
+    laws: dict[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +149,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             reach,
             {rate: found for rate, found in of_slots.items() if found != reach},
             name_of(config.routing),
+            config.laws,
         ),
         networks_of(scenario),
         links,

@@ -50,7 +50,7 @@ class Reach:
 
 def reach_of(radio: Radio, payload_bytes: int) -> Reach:
     """The reach of a radio; of one whose law asks for places only that it does."""
-    if getattr(radio.config.propagation, "needs_places", False):
+    if radio.config.propagation.needs_places:
         return Reach({}, None)
     limit_m = FARTHEST_M
     while limit_m > NEAREST_M:
@@ -97,4 +97,4 @@ def _farthest(
     near_m, far_m = distances[above[-1]], distances[min(above[-1] + 1, len(distances) - 1)]
     between = np.linspace(near_m, far_m, BETWEEN)
     above = np.flatnonzero(radio.probability_of_delivery(between, payload_bytes) >= share)
-    return float(f"{between[above[-1]]:.3g}")
+    return float(f"{between[above[-1]] if len(above) else near_m:.3g}")

@@ -61,6 +61,7 @@ def _radio(plan: RunPlan) -> Iterator[str]:
     routing = "" if radio.routing == "none" else f", routing {radio.routing}"
     rate = f"{radio.bit_rate_bps:g} bit/s on air"
     yield f"{radio.name}: {radio.frequency_hz / 1e6:g} MHz, {rate}, medium {radio.medium}{routing}"
+    yield ", ".join(f"{key} {name}" for key, name in radio.laws.items())
     if radio.reach.limit_m is None:
         yield "its reach depends on places, or its model refuses short distances: lostlink link shows one link"
         return

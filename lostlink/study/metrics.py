@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
-from traceback import extract_tb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.agents.own import AgentError, load_module
-from bridge.scenario.resolve.sources import code_of
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links import counts_of
@@ -19,6 +16,7 @@ from lostlink.reading.places import places_of, separation_m
 from lostlink.reading.rows import link_rows
 from lostlink.reading.run import Run
 from lostlink.study.model import Function, StudyError
+from sitl_configs.own_code import OwnCodeError, load_module
 
 Metrics = dict[str, Any]
 """By column: a number, a text, a truth value, or a list of numbers."""
@@ -140,23 +138,12 @@ def load(function: Function) -> Callable[..., Any]:
     """
     try:
         module = load_module(function.place)
-    except AgentError as error:
+    except OwnCodeError as error:
         raise StudyError(str(error)) from error
-    except (Exception, SystemExit) as error:
-        raise StudyError(f"{_line_of(error, function.place)}: {type(error).__name__}: {error}") from error
     found = getattr(module, function.name, None)
     if not callable(found):
         raise StudyError(f"{function}: there is no such function")
     return found  # type: ignore[no-any-return]
-
-
-def _line_of(error: BaseException, place: str) -> str:
-    """Where a file or module, or what it imports of the user's, raised as it was loaded: ``FILE:LINE``."""
-    if isinstance(error, SyntaxError) and error.filename is not None:
-        return f"{error.filename}:{error.lineno}"
-    files = {str(file) for file in code_of(place).files}
-    own = [each for each in extract_tb(error.__traceback__) if each.filename in files]
-    return f"{own[-1].filename}:{own[-1].lineno}" if own else place
 
 
 def _plain(value: Any, told: str) -> Any:

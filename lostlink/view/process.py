@@ -210,12 +210,13 @@ class Model:
         from bridge.scenario.resolve.channel import draws_are_shared
         from bridge.scenario.resolve.radio import common_radio
         from bridge.scenario.resolve.sensing import emitters_of
+        from channel.own_methods import OwnModelError
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
         radio = common_radio(self._scenario, emitters_of(self._scenario))
         shared = draws_are_shared(self._scenario)
         if radio is not None and radio.is_by_distance:
-            with suppress(OutsideValidityError):
+            with suppress(OutsideValidityError, OwnModelError):
                 return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
         return ModelCurve(np.empty(0), np.empty(0), shared)

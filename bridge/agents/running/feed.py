@@ -15,13 +15,13 @@ from bridge.agents.client import LookAtStatus, UaClient
 from bridge.agents.commands import CommandFailed
 from bridge.agents.measurements import Measurement
 from bridge.agents.outlet import OnEvent
-from bridge.agents.own import AgentError
 from bridge.agents.radio import OwnRadio, QueueState, UnicastReply
 from bridge.agents.running.whereabouts import place_of
 from bridge.bus.keys import MAIN
 from bridge.bus.messages import AircraftState, CommandEvent, DecodeError
 from bridge.bus.reception import UNKNOWN, Instants, Reception
 from bridge.bus.session import Stamp
+from sitl_configs.own_code import OwnCodeError
 
 log = logging.getLogger("agent")
 
@@ -190,9 +190,9 @@ class Feeder:
         self._ua.take_clock(sim_time_ns)
         if self.has_failed:
             return
-        if isinstance(error, AgentError):
+        if isinstance(error, OwnCodeError):
             log.error("%s", error, exc_info=error.__cause__)
-            self.tell(str(error), error.__cause__)
+            self.tell(str(error))
         else:
             self.fail("in its constructor", error)
 

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import sysconfig
 import traceback
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Final
 
-from bridge.scenario.resolve.modules import OURS
-
-_NOT_THEIRS: Final = (
-    "<",
-    *(f"{Path(__file__).parents[3] / package}{os.sep}" for package in OURS),
-    *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
-)
-"""What the names of files begin with that are no agent's: Python's, those of installed packages, and ours."""
+from sitl_configs.own_code import innermost
 
 
 def whereabouts(thread_id: int | None, coroutines: Iterable[object] = ()) -> str:
@@ -31,7 +21,7 @@ def whereabouts(thread_id: int | None, coroutines: Iterable[object] = ()) -> str
     frame = None if thread_id is None else sys._current_frames().get(thread_id)
     stacks = [] if frame is None else [traceback.extract_stack(frame)]
     stacks += [traceback.StackSummary.extract(_awaited_in(each)) for each in coroutines]
-    for line in map(_innermost, stacks):
+    for line in map(innermost, stacks):
         if line is not None:
             return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
     return ""
@@ -53,9 +43,5 @@ def place_of(error: BaseException | None) -> str:
     """
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
-    line = None if error is None else _innermost(traceback.extract_tb(error.__traceback__))
+    line = None if error is None else innermost(traceback.extract_tb(error.__traceback__))
     return "" if line is None else f"{Path(line.filename).name}:{line.lineno}"
-
-
-def _innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:
-    return next((line for line in reversed(lines) if not line.filename.startswith(_NOT_THEIRS)), None)

@@ -18,6 +18,8 @@ from typing import Any, BinaryIO, Protocol
 from bridge.fleet.children.environment import environment_of
 
 LEASH = Path(__file__).with_name("leash.py")
+LAST_WORDS = " ERROR lostlink: "
+"""In a log, before what a process of ours says of an error that a user can mend."""
 TAIL_BYTES = 1 << 14
 """So much of a log is looked at for its last lines."""
 
@@ -147,6 +149,11 @@ class Child:
         if status is None:
             return "still runs"
         return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+
+    @property
+    def why_it_ended(self) -> str:
+        """What a process of ours that cannot go on said last (`exit_status`); "" if it said nothing."""
+        return self.log_tail(1).partition(LAST_WORDS)[2]
 
     def ask_to_end(self) -> None:
         """Send its stop signal."""

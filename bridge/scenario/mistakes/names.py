@@ -27,6 +27,7 @@ from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
 from channel.link.carrier import laws_off_carrier
+from channel.own_methods import OwnModelError
 from channel.preset_errors import mistakes_in
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
@@ -226,7 +227,9 @@ class _Radios:
             return seen, radio_from(seen, self._scenario.origin).config
         except PresetError as error:
             self.mistakes += [self._mistake(path, each) for each in error.mistakes]
-            return setting, None
+        except OwnModelError as error:
+            self.mistakes.append(_told(self._root, path, str(error)))
+        return setting, None
 
     def _is_off_carrier(self, config: RadioConfig, path: Path_) -> bool:
         """Refuse laws that would refuse the radio's carrier: with the first packet the run would end."""

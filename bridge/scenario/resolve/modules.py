@@ -16,20 +16,10 @@ from importlib import metadata
 from importlib.machinery import BuiltinImporter, FrozenImporter, ModuleSpec, PathFinder
 from pathlib import Path
 
+from sitl_configs.own_code import path_of_others
+
 CODE = ".py"
-OURS = frozenset(("aps", "bridge", "channel", "fdm", "lostlink", "sitl_configs", "standin"))
-"""Packages of lostlink, which has a version."""
-NOT_THERE = "neither installed nor on PYTHONPATH"
 _SITES = frozenset(site.getsitepackages())
-_put_first: set[str] = set()
-
-
-def put_first(folder: Path) -> None:
-    """Have imports look in the folder of a file before all else, as the code in it expects."""
-    text = str(folder)
-    if text not in sys.path:
-        sys.path.insert(0, text)
-        _put_first.add(text)
 
 
 class Modules:
@@ -41,8 +31,8 @@ class Modules:
 
     def __init__(self, place: str) -> None:
         self._beside = [str(Path(place).absolute().parent)] if place.endswith(CODE) else []
-        rest = [each for each in sys.path if each not in _put_first]  # folders of other files are not for it
-        self.path = tuple(os.path.abspath(each) for each in (*self._beside, *rest))  # noqa: PTH100
+        # folders of other files are not for it
+        self.path = tuple(os.path.abspath(each) for each in (*self._beside, *path_of_others()))  # noqa: PTH100
 
     def found(self, name: str) -> list[ModuleSpec]:
         """The packages around a module and itself, outermost first, as far as they are there; none of the stdlib's."""

@@ -5,7 +5,8 @@ Apart from `resolve`, as the channel needs scipy, which is slow to import, and o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from bridge.scenario.model import Scenario
@@ -15,6 +16,7 @@ from channel.access.settings.medium import MediumSettings
 from channel.config import RadioConfig
 from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
+from channel.preset_errors import PresetError, at_once
 from channel.presets import at_origin, load_radio, radio_from_mapping
 
 
@@ -24,7 +26,8 @@ def radio_of(scenario: Scenario) -> Radio:
     Raises:
         PresetError: there is no such preset, or a key or value is wrong.
     """
-    return radio_from(scenario.radio, scenario.origin)
+    with _told_at("radio"):
+        return radio_from(scenario.radio, scenario.origin)
 
 
 def common_radio(scenario: Scenario, emitters: Sequence[Emitter] = ()) -> Radio | None:
@@ -80,12 +83,30 @@ def radios_of(scenario: Scenario, emitters: Sequence[Emitter] = (), network: str
         PresetError: there is no such preset, or a key or value is wrong.
     """
     if network != MAIN:
-        radio = radio_from(scenario.networks[network], scenario.origin, emitters)
+        with _told_at(f"networks.{network}"):
+            radio = radio_from(scenario.networks[network], scenario.origin, emitters)
         return {node.node: radio for node in scenario.nodes_on(network)}
-    common = radio_from(scenario.radio, scenario.origin, emitters)
-    own = {
-        node.node: radio_from(node.radio, scenario.origin, emitters)
-        for node in scenario.transceivers
-        if node.radio is not None
-    }
+    with _told_at("radio"):
+        common = radio_from(scenario.radio, scenario.origin, emitters)
+    own = {}
+    for node in scenario.transceivers:
+        if node.radio is not None:
+            with _told_at(f"nodes.{node.node}.radio"):
+                own[node.node] = radio_from(node.radio, scenario.origin, emitters)
     return {node: own.get(node, common) for node in scenario.transceiver_ids}
+
+
+@contextmanager
+def _told_at(place: str) -> Iterator[None]:
+    """Tell mistakes in a radio, but for those in a file of its own, with its key in the scenario."""
+    try:
+        yield
+    except PresetError as error:
+        raise at_once(
+            [
+                PresetError(each.problem, key=f"{place}.{each.key}".rstrip("."))
+                if each.file is None
+                else each
+                for each in error.mistakes
+            ]
+        ) from None

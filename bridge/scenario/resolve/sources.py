@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from bridge.scenario.resolve.modules import CODE, OURS, Modules, file_of, found_in, installed
+from bridge.scenario.resolve.modules import CODE, Modules, file_of, found_in, installed
+from sitl_configs.own_code import OURS
 
 IMPORTERS = ("import_module", "__import__")
 Stamp = tuple[str, int, int]

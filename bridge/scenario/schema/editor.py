@@ -17,6 +17,7 @@ from bridge.scenario.expand.patterns import PATTERNS
 from bridge.scenario.model import Scenario
 from bridge.scenario.schema.transform import (
     Schema,
+    all_models,
     changed,
     of_parts,
     or_null,
@@ -25,6 +26,7 @@ from bridge.scenario.schema.transform import (
     schemas_of,
 )
 from channel.config import RadioConfig
+from channel.own import CLASS_KEY, takes_own
 from channel.presets import preset_names
 from fdm.air.wind import WindConfig, wind_names
 from fdm.model.airframe import airframe_names
@@ -46,6 +48,7 @@ ONE_EACH: Schema = {
     "properties": {EACH: {"type": "array", "minItems": 1}},
     "additionalProperties": False,
 }
+OWN: Schema = {"type": "object", "required": [CLASS_KEY]}
 LEAVES = ("string", "number", "integer", "boolean")
 
 
@@ -114,13 +117,17 @@ def _preset_schemas(
     found: dict[str, Schema] = {
         name: or_null(changed(part, of_parts)) for name, part in schemas_of(model, prefix).items()
     }
-    for part in found.values():
+    own = {
+        (prefix + each.__name__, key)
+        for each in all_models(model)
+        for key, field in each.model_fields.items()
+        if takes_own(field)
+    }
+    for name, part in found.items():
         part["patternProperties"] = {"_file$": {"type": "string"}}
         for key, below in part.get("properties", {}).items():
-            if any("$ref" in each for each in below.get("anyOf", [])):
-                own = [{"type": "object", "required": [word]} for word in ("class", "model")]
-                known = [each for each in below["anyOf"] if each not in own]
-                below = {**below, "anyOf": [*known, own[0]]}
+            if (name, key) in own:
+                below = {**below, "anyOf": [*below["anyOf"], OWN]}
             part["properties"][key] = below if key in TAGS else changed(below, or_null)
     found[prefix + model.__name__]["properties"]["preset"] = {
         "anyOf": [{"enum": list(names)}, YAML_FILE],

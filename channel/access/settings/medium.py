@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from channel.access.carriers import Carriers
+from channel.access.media.medium import AccessMedium
 from channel.access.settings.air_time import AirTimeMedium
 from channel.access.settings.base import Ideal
 from channel.access.settings.csma import CsmaMedium
@@ -15,12 +17,17 @@ from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.sik import SikMedium
 from channel.access.settings.tdma import TdmaMedium
 from channel.own import own_models
+from channel.own_methods import Made, Method, Numbers
 from channel.variant import Variant
 
+METHODS: Final[Mapping[str, Method]] = {
+    "open": Made(AccessMedium),
+    "capacity_bps": Numbers((200, 1e6), "length_bytes", lambda length_bytes, _: length_bytes, low=0.0),
+}
 MediumSettings = Annotated[
     Ideal | AirTimeMedium | TdmaMedium | CsmaMedium | DelayMedium | ElrsMedium | SikMedium,
     Field(discriminator="model"),
-    *own_models("medium", "takes_time", "open", "capacity_bps"),
+    *own_models("medium", "takes_time", "open", "capacity_bps", methods=METHODS),
 ]
 
 

@@ -8,6 +8,8 @@ from dataclasses import asdict
 import click
 
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
+from channel.own_methods import OwnModelError
+from channel.preset_errors import PresetError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import scenario_with, setting_options
 from lostlink.flight.say import say
@@ -34,6 +36,6 @@ def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: 
     """
     try:
         plan = plan_of(scenario_with(scenario, {"radio": radio}, settings))
-    except ScenarioError as error:
+    except (ScenarioError, PresetError, OwnModelError) as error:
         fail(error)
     say(json.dumps(asdict(plan), indent=1) if as_json else "\n".join(lines_of(plan)))

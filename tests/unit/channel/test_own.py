@@ -38,6 +38,10 @@ class Nothing(Variant):
 class Plain:
     pass
 """
+METHODS = "".join(
+    f"    {name} = property(lambda self: 0)\n"
+    for name in ("path_loss_db", "takes_time", "open", "capacity_bps", "copies")
+)
 
 
 @pytest.fixture
@@ -101,12 +105,21 @@ def test_mistakes_are_named(mine, group, problem):
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
-        ("return path.distance_km", "raises AttributeError .*a Path has frequency_hz, distance_m"),
-        ("return 100.0", "gives one number for three links"),
-        ("return path.distance_m[:2]", r"gives \(2,\) for three links"),
-        ("return np.log10(path.distance_m - 200.0)", "has to be finite"),
-        ("return 60.0 if path.distance_m > 100.0 else path.distance_m", "raises ValueError"),
-        ("return path.distance_m + np.random.default_rng().normal()", "another loss for the same links"),
+        ("return path.distance_km", r"wrong\.py:7: AttributeError: .*a Path has frequency_hz, distance_m"),
+        ("return 100.0", r"gave one number for \(3,\) of distance_m"),
+        ("return path.distance_m[:2]", r"gave an array of shape \(2,\) for \(3,\)"),
+        (
+            "return np.log10(path.distance_m - 200.0)",
+            "gave nan at distance_m 49.0306026885: has to be finite",
+        ),
+        (
+            "return 60.0 if path.distance_m > 100.0 else path.distance_m",
+            r"wrong\.py:7: ValueError: The truth",
+        ),
+        ("return path.distance_m + np.random.default_rng().normal()", "gave something else for the same"),
+        ("return 'far'", "gave 'far' for"),
+        ("return -np.sqrt(path.distance_m)", "gave -10.53 dB at 110.9 m: a loss is positive"),
+        ("return 50.0 * path.distance_m / path.distance_m.max()", "among other links, and 50 dB for that"),
     ],
 )
 def test_a_law_that_gives_no_losses_is_told_before_anything_flies(mine, body, problem):
@@ -115,9 +128,56 @@ def test_a_law_that_gives_no_losses_is_told_before_anything_flies(mine, body, pr
         f"    def path_loss_db(self, path):\n        {body}\n"
     )
     tree = {"preset": "perfect", "propagation": {"class": "models/wrong.py:Wrong"}}
-    with np.errstate(all="ignore"), pytest.raises(PresetError, match=f"Wrong in .*{problem}") as caught:
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(PresetError, match=f"wrong.py:Wrong.path_loss_db.*{problem}") as caught,
+    ):
         presets.radio_from_mapping(presets.seen_from(mine, tree))
     assert caught.value.key.startswith("propagation")
+
+
+@pytest.mark.parametrize("kind", ["propagation", "medium", "routing"])
+@pytest.mark.parametrize(
+    ("code", "problem"),
+    [
+        ("class Bad(Variant:", r"bad\.py:3: SyntaxError: invalid syntax"),
+        ("import nowhere_to_be_found", r"bad\.py:3: ModuleNotFoundError: No module named"),
+        ("raise SystemExit(3)", r"bad\.py:3: SystemExit: 3"),
+        (
+            "class Bad(Variant):\n    depth_m = 4.0",
+            r"bad\.py:3: PydanticUserError: A non-annotated attribute",
+        ),
+        ("class Bad(Variant):\n    path: np.ndarray", r"bad\.py:3: PydanticSchemaGenerationError: Unable to"),
+        (
+            "class Bad(Variant):\n    depth_m: 'Depth' = 4.0\n" + METHODS,
+            "PydanticUserError: `Bad` is not fully",
+        ),
+        (
+            "class Bad(Variant):\n    @model_validator(mode='before')\n    @classmethod\n    def v(cls, value):\n"
+            "        return value['no']\n" + METHODS,
+            r"bad\.py:7: KeyError: 'no'",
+        ),
+    ],
+)
+def test_a_file_that_fails_as_it_is_loaded_is_told_in_a_line(mine, kind, code, problem):
+    head = "import numpy as np; from pydantic import model_validator\nfrom channel.variant import Variant\n"
+    (mine / "bad.py").write_text(head + code + "\n")
+    tree = presets.seen_from(mine, {"preset": "perfect", kind: {"class": "bad.py:Bad"}})
+    with pytest.raises(PresetError, match=problem) as caught:
+        presets.radio_from_mapping(tree)
+    assert caught.value.key.startswith(kind)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_may_import_what_lies_beside_its_file(mine, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "laws_base", raising=False)
+    (mine / "models" / "laws_base.py").write_text("N = 7.0\n")
+    (mine / "models" / "mine.py").write_text(f"from laws_base import N\n{CODE}".replace("4.0", "N"))
+    config = presets.load_radio(
+        "perfect", presets.seen_from(mine, {"propagation": {"class": "models/mine.py:Steep"}})
+    )
+    assert float(Radio(config).link(10.0).path_loss_db) == pytest.approx(70.0)
 
 
 def test_a_law_that_does_not_hold_near_2_ghz_is_not_tried(mine):

@@ -357,6 +357,34 @@ def test_an_agent_that_cannot_be_made_ends_the_run_by_name(
     assert 'self.options["altitud"]' in log.read_text()
 
 
+LAWS = """
+import numpy as np
+from channel.variant import Variant
+
+
+class Blinks(Variant):
+    mean_loss: float = 0.5
+
+    def loss_at(self, words, times_ns):
+        return np.where(times_ns == 2_000_000_000, np.nan, times_ns // 10**9 % 2)
+"""
+
+
+@pytest.mark.parametrize("processes", ["one", slow("many")])
+def test_a_model_of_ones_own_that_gives_nonsense_ends_the_run_by_its_class(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    (tmp_path / "laws.py").write_text(LAWS)
+    bursts = f"radio.bursts={{class: {tmp_path}/laws.py:Blinks}}"
+    run = start_run("--set", bursts, processes=processes, duration_s=60.0)
+    assert run.finish() == 1
+    told = "laws.py:Blinks.loss_at gave nan at sim_time_ns 2000000000: has to be from 0 to 1"
+    name = "fleet" if processes == "one" else "router"
+    assert run.summary["error"].startswith(f"{name} ended with status 1: {told}; its log is logs/{name}.log")
+    assert f": {told}; its log is {run.directory}/logs/{name}.log" in run.output.decode()
+    assert "Traceback" not in run.output.decode()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_run_with_an_agent_that_blocks_can_be_ended(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bridge.agents import Agent, AgentError, agent_class
+from bridge.agents import Agent, OwnCodeError, agent_class
 from bridge.agents.own import load_class
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
@@ -55,7 +55,7 @@ def test_agent_in_a_module() -> None:
     ("name", "says"), [("Nobody", "has no class Nobody"), ("Other", "no subclass of"), ("VALUE", "no class")]
 )
 def test_what_is_no_agent_is_refused(agent_file: Path, name: str, says: str) -> None:
-    with pytest.raises(AgentError, match=says):
+    with pytest.raises(OwnCodeError, match=says):
         load_class(str(agent_file), name)
 
 
@@ -93,7 +93,7 @@ def test_a_file_that_is_loaded_for_no_node_takes_no_nodes_name(agent_file: Path)
 
 
 def test_missing_module_is_named() -> None:
-    with pytest.raises(AgentError, match=r"no module nowhere\.to_be_found"):
+    with pytest.raises(OwnCodeError, match=r"no module nowhere\.to_be_found"):
         load_class("nowhere.to_be_found", "Own")
 
 
@@ -180,7 +180,7 @@ def test_file_is_looked_at_without_running_it(tmp_path: Path, text: str, says: s
 @pytest.mark.parametrize(("text", "says"), [("async def fly(self):\n    yield 1", "has a yield")])
 def test_a_fly_that_yields_is_told_as_a_generator(tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "mine.py").write_text(f"from lostlink import Agent\nclass Own(Agent):\n  {text}\n")
-    with pytest.raises(AgentError, match=rf"Own\.fly in .*mine\.py {says}"):
+    with pytest.raises(OwnCodeError, match=rf"Own\.fly in .*mine\.py {says}"):
         load_class(f"{tmp_path}/mine.py", "Own")
 
 

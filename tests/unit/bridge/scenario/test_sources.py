@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bridge.scenario.resolve.modules import put_first
 from bridge.scenario.resolve.sources import code_of
+from sitl_configs.own_code import put_first
 
 
 @pytest.fixture(autouse=True)

@@ -303,3 +303,15 @@ def test_mistakes_are_told_in_a_line(run: Path, tmp_path: Path) -> None:
         assert result.exit_code == 2, arguments
         assert text in result.stderr
         assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ("radio.propagation.exponnet=3", "radio.propagation.exponnet: unknown key"),
+        ("radio.base_loss=2", "radio.base_loss: has to be less than or equal to 1"),
+    ],
+)
+def test_a_mistake_in_the_radio_has_its_key_in_the_scenario(run: Path, setting: str, told: str) -> None:
+    result = redecide(run, "--set", setting)
+    assert (result.exit_code, result.output.startswith(f"lostlink: {told}")) == (2, True), result.output

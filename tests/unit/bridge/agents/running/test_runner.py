@@ -29,7 +29,7 @@ from bridge.agents.commands import (
     CommandTimedOut,
 )
 from bridge.agents.outlet import OnEvent
-from bridge.agents.own import AgentError, load_class
+from bridge.agents.own import load_class
 from bridge.agents.running.runner import AgentRunner
 from bridge.bus.messages import (
     AgentStatus,
@@ -48,6 +48,7 @@ from bridge.scenario.agents import StillAgent
 from bridge.scenario.nodes import Aircraft
 from bridge.scenario.own_class import mistake_in
 from bridge.scenario.sections import Transmit
+from sitl_configs.own_code import OwnCodeError
 
 TICK_NS = 50_000_000
 AIRCRAFT = Aircraft(id=1, agent=StillAgent(type="still"))
@@ -468,7 +469,7 @@ def test_an_async_method_that_nobody_would_await_is_refused_by_name(tmp_path: Pa
         "from bridge.agents import Agent\n\n\nclass Patrol(Agent):\n"
         f"    async def {method}(self, *_):\n        pass\n"
     )
-    with pytest.raises(AgentError, match=f"Patrol.{method} in .*patrol.py is an async def"):
+    with pytest.raises(OwnCodeError, match=f"Patrol.{method} in .*patrol.py is an async def"):
         load_class(str(file), "Patrol")
     assert f"patrol.py:5: Patrol.{method} is an async def" in mistake_in(str(file), "Patrol")
 
@@ -481,7 +482,9 @@ def test_a_fly_that_cannot_be_awaited_is_refused_by_name(tmp_path: Path, bases: 
         "from bridge.agents import Agent\n\n\nclass Base(Agent):\n    def fly(self):\n        pass\n\n\n"
         f"class Patrol({bases}):\n{own}"
     )
-    with pytest.raises(AgentError, match=r"Patrol\.fly in .*patrol\.py is a plain def: make it an async def"):
+    with pytest.raises(
+        OwnCodeError, match=r"Patrol\.fly in .*patrol\.py is a plain def: make it an async def"
+    ):
         load_class(str(file), "Patrol")
     if bases == "Agent":
         assert f"{file}:10: Patrol.fly is a plain def" in mistake_in(str(file), "Patrol")
@@ -517,7 +520,7 @@ def test_a_method_that_cannot_be_called_as_it_is_is_refused_with_its_line(
         assert mistake_in(str(file), "Patrol") == ""
         assert load_class(str(file), "Patrol").__name__ == "Patrol"
         return
-    with pytest.raises(AgentError) as told:
+    with pytest.raises(OwnCodeError) as told:
         load_class(str(file), "Patrol")
     assert str(told.value) == mistake_in(str(file), "Patrol")
 
@@ -601,8 +604,8 @@ def test_an_agent_that_cannot_be_made_fails_at_the_first_tick(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("import nowhere_to_be_found", "ModuleNotFoundError while .*mine.py is loaded: No module named"),
-        ("import sys; sys.exit(3)", "SystemExit while .*mine.py is loaded: 3"),
+        ("import nowhere_to_be_found", r".*mine\.py:1: ModuleNotFoundError: No module named"),
+        ("import sys; sys.exit(3)", r".*mine\.py:1: SystemExit: 3"),
         ("class Own: pass", "Own in .*mine.py is no subclass of bridge.agents.Agent"),
     ],
 )

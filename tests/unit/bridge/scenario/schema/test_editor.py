@@ -160,9 +160,33 @@ def test_parts_may_be_laid_over_another(content: dict[str, Any]) -> None:
         ),
         ({"nodes": [{**STILL, "home": {"each": [{}]}}]}, "'each' was unexpected"),
         ({"radio": {"preset": "moon2020", "nose": {}}}, "is not valid under any of the given schemas"),
+        ({"radio": {"atmosphere": {"class": "a.py:A"}}}, "is not valid under any of the given schemas"),
+        ({"radio": {"length": {"class": "a.py:A"}}}, "is not valid under any of the given schemas"),
+        ({"radio": {"polarisation": {"class": "a.py:A"}}}, "is not valid under any of the given schemas"),
         ({"wind": {"constant": {"speed": 3}}}, "is not valid under any of the given schemas"),
         ({"without": [1]}, "should not be valid under"),
     ],
 )
 def test_what_is_wrong_is_marked(change: dict[str, Any], says: str) -> None:
     assert any(says in text for text in mistakes(HEAD | {"nodes": [STILL]} | change))
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "propagation",
+        "shadowing",
+        "fading",
+        "noise",
+        "bursts",
+        "error",
+        "antenna",
+        "receive_antenna",
+        "medium",
+        "routing",
+    ],
+)
+def test_a_class_may_stand_where_the_program_takes_one(key: str) -> None:
+    assert (
+        mistakes(HEAD | {"nodes": [STILL], "radio": {key: {"class": "mine.py:Mine", "depth_m": 3.0}}}) == []
+    )

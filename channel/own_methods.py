@@ -1,0 +1,191 @@
+"""What the methods of a user's model give is looked at: on a few links before anything flies, and at each call."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from types import new_class
+from typing import Any, Final, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from channel.checks import ChannelInputError
+from channel.variant import Variant
+from sitl_configs.own_code import told
+
+LARGEST: Final = sys.float_info.max
+
+
+class OwnModelError(ValueError):
+    """A user's model raises, or gives what no model may give; the text has its class, and what it was given."""
+
+
+class Method(Protocol):
+    """What a method of a kind of model has to do."""
+
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
+        """Look at what it gave.
+
+        Args:
+            called: the method, with its class.
+            found: what it gave.
+            given: its arguments.
+
+        Raises:
+            OwnModelError: that may not be.
+        """
+
+    def tried(self, called: str, call: Callable[..., Any]) -> None:
+        """Call it before anything flies.
+
+        Raises:
+            OwnModelError: it raises, or gives what may not be.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """A method that gives numbers, one for each element of what it is given.
+
+    Attributes:
+        trial: arguments for a few links.
+        at: what these elements are.
+        elements: they themselves, by the arguments; the shape of what is given is theirs.
+        low, high: the numbers are from here to there.
+        of_vectors: whether an element is a vector, whose components are the last axis; one number for all will do then.
+        hint: what an author may want to know.
+    """
+
+    trial: tuple[Any, ...]
+    at: str
+    elements: Callable[..., ArrayLike]
+    low: float = -LARGEST
+    high: float = LARGEST
+    of_vectors: bool = False
+    hint: str = ""
+
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
+        """Look at what it gave."""
+        elements = np.asarray(self.elements(*given))
+        try:
+            numbers = np.asarray(found, dtype=np.float64)
+            shape = np.broadcast_shapes(numbers.shape, self._shape(elements))
+        except (TypeError, ValueError):
+            what = f"an array of shape {found.shape}" if isinstance(found, np.ndarray) else repr(found)
+            raise OwnModelError(f"{called} gave {what} for {self._shape(elements)} of {self.at}") from None
+        if not numbers.size or (numbers.min() >= self.low and numbers.max() <= self.high):
+            return
+        numbers = np.broadcast_to(numbers, shape)
+        elements = np.broadcast_to(elements, (*shape, *elements.shape[-1:]) if self.of_vectors else shape)
+        place = tuple(np.argwhere(~((numbers >= self.low) & (numbers <= self.high)))[0])
+        where = elements[place] if self.of_vectors else f"{elements[place]:.12g}"
+        raise OwnModelError(
+            f"{called} gave {numbers[place]:g} at {self.at} {where}: has to be {self._allowed}"
+        )
+
+    def tried(self, called: str, call: Callable[..., Any]) -> None:
+        """Call it for a few links, twice."""
+        try:
+            first, second = (call(*self.trial) for _ in range(2))
+        except OwnModelError as error:
+            raise OwnModelError(f"{error}{'' if error.__cause__ is None else self.hint}") from error.__cause__
+        shape = self._shape(np.asarray(self.elements(*self.trial)))
+        if np.shape(first) != shape and not (self.of_vectors and np.shape(first) == ()):
+            raise OwnModelError(
+                f"{called} gave {np.shape(first) or 'one number'} for {shape} of {self.at}: has to give an array, a "
+                "number for each"
+            )
+        if not np.array_equal(first, second):
+            raise OwnModelError(
+                f"{called} gave something else for the same {self.at} the second time: what is random is drawn "
+                "elsewhere"
+            )
+
+    def _shape(self, elements: NDArray[Any]) -> tuple[int, ...]:
+        shape: tuple[int, ...] = elements.shape
+        return shape[:-1] if self.of_vectors else shape
+
+    @property
+    def _allowed(self) -> str:
+        if self.high < LARGEST:
+            return f"from {self.low:g} to {self.high:g}"
+        return (
+            "a number"
+            if self.low < -LARGEST
+            else "finite"
+            if self.low == -LARGEST
+            else f"{self.low:g} at least"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A method that makes something: it is not tried."""
+
+    of: type
+
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
+        """Look at what it gave."""
+        del given
+        if not isinstance(found, self.of):
+            raise OwnModelError(f"{called} gave {found!r}: has to give a subclass of {self.of.__name__}")
+
+    def tried(self, called: str, call: Callable[..., Any]) -> None:
+        """Do nothing."""
+
+
+def looked_at(
+    found: type[Variant], label: str, base: type[Variant], methods: Mapping[str, Method]
+) -> type[Variant]:
+    """Return a model's class with what it lacks of a base, where what some of its methods give is looked at.
+
+    They raise `OwnModelError`, but for `ChannelInputError`, by which a model says for what it does not hold.
+    """
+
+    def watched(name: str, method: Method) -> Callable[..., Any]:
+        called = f"{label}.{name}"
+
+        def call(self: Variant, *given: Any) -> Any:
+            try:
+                result = getattr(super(made, self), name)(*given)
+            except (ChannelInputError, OwnModelError):
+                raise
+            except Exception as error:
+                raise OwnModelError(f"{called}: {told(error)}") from error
+            method.check(called, result, given)
+            return result
+
+        return call
+
+    lacks = {
+        name: default
+        for name, default in vars(base).items()
+        if not (name.startswith("_") or hasattr(found, name) or name in found.model_fields)
+    }
+    own = {"__module__": found.__module__, "__qualname__": found.__qualname__, "__doc__": found.__doc__}
+    calls = {name: watched(name, method) for name, method in methods.items() if hasattr(found, name)}
+    made = cast(type[Variant], new_class(found.__name__, (found,), {}, lambda body: body.update(own | calls)))
+    for name, default in lacks.items():
+        setattr(made, name, default)
+    return made
+
+
+def tried(
+    model: Variant,
+    label: str,
+    methods: Mapping[str, Method],
+    trial: Callable[[Any, str], None] | None = None,
+) -> None:
+    """Try the methods of a model, and what else it has to do; what it says it does not hold for is not tried.
+
+    Raises:
+        OwnModelError: one of them raises, or gives what may not be.
+    """
+    with np.errstate(all="ignore"), suppress(ChannelInputError):
+        for name, method in methods.items():
+            method.tried(f"{label}.{name}", getattr(model, name))
+        if trial is not None:
+            trial(model, label)

@@ -1,0 +1,107 @@
+"""Loads code of the user's: agents, functions and models, from a Python file or a module that can be imported."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import itertools
+import os
+import sys
+import sysconfig
+import traceback
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+OURS = frozenset(("aps", "bridge", "channel", "fdm", "lostlink", "sitl_configs", "standin"))
+"""Packages of lostlink, which has a version."""
+NOT_THERE = "neither installed nor on PYTHONPATH"
+_NOT_THEIRS: Final = (
+    "<",
+    *(f"{Path(__file__).parents[1] / package}{os.sep}" for package in OURS),
+    *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
+)
+"""What the names of files begin with that are no user's: Python's, those of installed packages, and ours."""
+_numbers = itertools.count()
+_put_first: set[str] = set()
+
+
+class OwnCodeError(ValueError):
+    """Code of the user's cannot be loaded; the text says where, as ``FILE:LINE`` where a line raised, and why."""
+
+
+def load_module(place: str, name: str = "") -> ModuleType:
+    """The module in ``place``, a file that ends in .py or a module's name.
+
+    A file is loaded anew each time, and may import what lies beside it; modules that it imports are shared.
+
+    Args:
+        place: where it is.
+        name: what a file's module is called; unless given, by a name that no other has.
+
+    Raises:
+        OwnCodeError: there is none, or its code raises as it is loaded: that is then the cause.
+    """
+    try:
+        return _from_file(Path(place), name) if place.endswith(".py") else _installed(place)
+    except OwnCodeError:
+        raise
+    except (Exception, SystemExit) as error:  # somebody's own code, which may also call sys.exit
+        raise OwnCodeError(told(error, place)) from error
+
+
+def told(error: BaseException, place: str = "") -> str:
+    """What code of the user's raised, in a line: ``FILE:LINE: Type: text``; of no line of theirs the place for it."""
+    text = str(error)
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        place, text = f"{error.filename}:{error.lineno}", error.msg
+    elif line := innermost(traceback.extract_tb(error.__traceback__)):
+        place = f"{line.filename}:{line.lineno}"
+    return ": ".join(part for part in (place, type(error).__name__, text) if part).partition("\n")[0]
+
+
+def innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:
+    """The innermost line of a user's code, None if there is none."""
+    return next((line for line in reversed(lines) if not line.filename.startswith(_NOT_THEIRS)), None)
+
+
+def put_first(folder: Path) -> None:
+    """Have imports look in the folder of a file before all else, as the code in it expects."""
+    text = str(folder)
+    if text not in sys.path:
+        sys.path.insert(0, text)
+        _put_first.add(text)
+
+
+def path_of_others() -> list[str]:
+    """Where imports look, without the folders of files that were put first."""
+    return [each for each in sys.path if each not in _put_first]
+
+
+def _from_file(path: Path, name: str) -> ModuleType:
+    if not path.is_file():
+        raise OwnCodeError(f"{path}: no such file (looked from {Path.cwd()})")
+    name = name or f"{path.stem}___{next(_numbers)}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None, "a name that ends in .py has a loader"
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    for ours in OURS - {"lostlink"}:  # before the folder comes first: a file there may have the name of one
+        importlib.import_module(ours)
+    put_first(path.parent.resolve())
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _installed(module: str) -> ModuleType:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
+            raise OwnCodeError(f"no module {module}: {NOT_THERE}") from error
+        raise

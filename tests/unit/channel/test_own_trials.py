@@ -1,0 +1,310 @@
+"""A user's models are tried when they are loaded, and what they give later names their class."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from channel import presets
+from channel.link.radio import Radio
+from channel.medium.medium import Medium
+from channel.own_methods import OwnModelError
+from channel.presets import PresetError
+from lostlink.cli.main import lostlink
+
+HEAD = """
+import numpy as np
+from channel.fading.laws import CoherentFading
+from channel.fading.shadowing import NormalShadowing
+from channel.phy.error_model import UncodedAwgn
+from channel.propagation.path_loss import FreeSpace
+from channel.variant import Variant
+
+
+"""
+CLASS = {
+    "error": """
+class Own(UncodedAwgn):
+    def {}
+""",
+    "bursts": """
+class Own(Variant):
+    mean_loss: float = {}
+    def loss_at(self, words, times_ns): {}
+""",
+    "shadowing": """
+class Own(NormalShadowing):
+    def {}
+""",
+    "fading": """
+class Own(CoherentFading):
+    def gain_db(self, first, second, elevation_deg): {}
+    def rule(self, elevation_deg, panels): {}
+""",
+    "noise": """
+class Own(Variant):
+    def noise_floor_dbm(self, bandwidth_hz, frequency_hz): {}
+""",
+    "antenna": """
+class Own(Variant):
+    needs_direction: bool = True
+    def towards_db(self, direction_frd): {}
+""",
+    "propagation": """
+class Own(FreeSpace):
+    def path_loss_db(self, path):
+        {}
+""",
+}
+ONES = "return np.ones(times_ns.shape)"
+NONE = "return np.zeros(times_ns.shape)"
+RULE = "return np.zeros(1), np.ones(1)"
+
+
+def own(tmp_path, kind, *bodies, **values):
+    (tmp_path / "laws.py").write_text(HEAD + CLASS[kind].format(*bodies))
+    return {"shadowing": {"model": "none"}, kind: {"class": f"{tmp_path}/laws.py:Own", **values}}
+
+
+@pytest.mark.parametrize(
+    ("kind", "bodies", "problem"),
+    [
+        ("error", ["per(self, s, n, b): return s * np.nan"], "per gave nan at snr_db -20: has to be from 0 to 1"),
+        ("error", ["per(self, s, n, b): return s * 0 + 1.7"], "per gave 1.7 at snr_db -20"),
+        ("error", ["per(self, s, n, b): return s * 0 - 0.7"], "per gave -0.7 at snr_db -20"),
+        ("error", ["per(self, s, n, b): return 0.5"], r"per gave one number for \(5,\) of snr_db"),
+        ("error", ["per(self, s): return s * 0"], r"per: TypeError: Own\.per\(\) takes 2 positional arguments"),
+        ("error", ["ber(self, s, b): return s"], "ber gave -20 at snr_db -20"),
+        ("bursts", [2.0, ONES], "mean_loss is 2.0: has to be from 0 to 1"),
+        ("bursts", [0.5, NONE], "mean_loss is 0.5, and loss_at gave 0 to 0"),
+        ("bursts", [0.5, ONES], "mean_loss is 0.5, and loss_at gave 1 to 1"),
+        ("bursts", [0.0, "return np.full(times_ns.shape, 0.5)"], "mean_loss is 0, and loss_at gave 0.5 to 0.5"),
+        ("bursts", [0.5, "return words * 0.0 - 1.0"], "loss_at gave -1 at sim_time_ns"),
+        ("shadowing", ["loss_db(self, z): return np.where(z > 2, np.nan, z)"], "loss_db gave nan at standard_normal 3"),
+        ("shadowing", ["chance_below(self, loss_db): return loss_db"], "chance_below gave -3 at loss_db -3"),
+        ("fading", ["return first * np.nan", RULE], "gain_db gave nan at first draw 0.001"),
+        ("fading", ["return 0.0 * first", "return np.zeros(1)"], r"rule gave array\(\[0.\]\): has to give gains"),
+        ("fading", ["return 0.0 * first", "return np.zeros(2), np.ones(2)"], "rule gave weights that are 2 together"),
+        ("noise", ["return float('nan')"], "noise_floor_dbm gave nan at frequency_hz 2400000000"),
+        ("noise", ["return np.zeros(3)"], r"noise_floor_dbm gave \(3,\) for \(\) of frequency_hz"),
+        ("antenna", ["return direction_frd"], r"towards_db gave an array of shape \(5, 3\) for \(5,\) of"),
+        ("antenna", ["return direction_frd[:, 0] / 0"], r"towards_db gave inf at direction_frd \[1. 0. 0.\]"),
+        ("antenna", ["return np.random.default_rng().normal(size=5)"], "towards_db gave something else for the same"),
+        ("propagation", ["return -super().path_loss_db(path)"], r"path_loss_db gave -80.95 dB at 110.9 m: a loss is"),
+    ],
+)  # fmt: skip
+def test_each_kind_is_tried_when_it_is_loaded(tmp_path, kind, bodies, problem):
+    values = {"sigma_db": 3.0} if kind == "shadowing" else {}
+    with pytest.raises(PresetError, match=rf"{kind}: laws\.py:Own\.{problem}"):
+        presets.load_radio("corrected", own(tmp_path, kind, *bodies, **values))
+
+
+@pytest.mark.parametrize(
+    ("kind", "bodies"),
+    [
+        ("bursts", [0.03, NONE]),  # what is rare may not be seen
+        ("antenna", ["return 3.0"]),
+        ("antenna", ["return np.full(direction_frd.shape[:-1], -np.inf)"]),
+        ("fading", ["return np.where(first < 0.2, -np.inf, 0.0)", "return [-np.inf, 0.0], [0.2, 0.8]"]),
+    ],
+)
+def test_what_a_kind_may_give_is_taken(tmp_path, kind, bodies):
+    assert presets.load_radio("corrected", own(tmp_path, kind, *bodies))
+
+
+GIVES_LATER = [
+    ("propagation", ["return np.where(abs(path.distance_m - 930) < 25, np.nan, super().path_loss_db(path))"],
+     "path_loss_db gave nan at distance_m 930: has to be finite"),
+    ("antenna", ["return np.where(direction_frd.shape[0] == 5, 0.0, np.nan * direction_frd[..., 0])"],
+     r"towards_db gave nan at direction_frd \[1. 0. 0.\]: has to be a number"),
+    ("fading", ["return np.where(first.size == 5, 0.0, np.nan) + 0.0 * first", RULE],
+     r"gain_db gave nan at first draw 0\.\d+: has to be a number"),
+    ("shadowing", ["loss_db(self, z): return np.where(np.size(z) == 5, z, np.nan)"],
+     r"loss_db gave nan at standard_normal -?\d\.\d+: has to be finite"),
+    ("error", ["per(self, s, n, b): return np.where((s > 10.9) & (s < 60), np.nan, 0.0 * s)"],
+     r"per gave nan at snr_db 11: has to be from 0 to 1"),
+    ("bursts", [0.5, "return np.where(times_ns == 5, 1.5, times_ns % 2)"], "loss_at gave 1.5 at sim_time_ns 5"),
+    ("propagation", ["if (path.distance_m == 930).any(): raise RuntimeError('no way')\n"
+                     "        return super().path_loss_db(path)"],
+     r"path_loss_db: .*laws\.py:13: RuntimeError: no way"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "bodies", "problem"), GIVES_LATER)
+def test_what_it_gives_later_names_its_class(tmp_path, kind, bodies, problem):
+    values = {"sigma_db": 3.0} if kind == "shadowing" else {}
+    radio = Radio(presets.load_radio("corrected", own(tmp_path, kind, *bodies, **values)))
+    medium = Medium(radio, seed=3, nodes=("a", "b"))
+    medium.place("a", (0.0, 0.0, -40.0))
+    medium.place("b", (930.0, 0.0, -40.0))
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=40, sim_time_ns=np.array([5])))
+    with pytest.raises(OwnModelError, match=rf"^laws\.py:Own\.{problem}"):
+        medium.settle()
+
+
+def test_link_and_check_name_the_class(tmp_path):
+    settings = own(tmp_path, GIVES_LATER[0][0], *GIVES_LATER[0][1])["propagation"]
+    told = "laws.py:Own.path_loss_db gave nan at distance_m 9"
+    link = [
+        "link",
+        "--radio",
+        "corrected",
+        "--ground-distance",
+        "930",
+        "--set",
+        f"propagation={json.dumps(settings)}",
+    ]
+    radio = json.dumps({"preset": "corrected", "propagation": settings})
+    for command in (link, ["check", "--set", f"radio={radio}"]):
+        done = CliRunner().invoke(lostlink, command)
+        assert (done.exit_code, told in done.output) == (2, True), done.output
+        assert "Traceback" not in done.output
+
+
+def test_noise_that_the_radios_own_carrier_makes_none_is_a_mistake_of_the_scenario(tmp_path):
+    settings = own(tmp_path, "noise", "return -90.0 if frequency_hz == 2.4e9 else np.nan")
+    radio = json.dumps({"preset": "corrected", **settings})
+    done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={radio}"])
+    assert done.exit_code == 2
+    assert "laws.py:Own.noise_floor_dbm gave nan at frequency_hz 2412000000" in done.output
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return 60.0 + 30.0 * (path.distance_m % 7 > 3)",
+        "if (path.distance_m > 9e5).any(): raise RuntimeError('too far')\n        return super().path_loss_db(path)",
+    ],
+)
+def test_check_ends_in_order_with_a_law_that_goes_up_and_down_or_raises(tmp_path, body):
+    settings = own(tmp_path, "propagation", body)
+    done = CliRunner().invoke(
+        lostlink, ["check", "--set", f"radio={json.dumps({'preset': 'corrected', **settings})}"]
+    )
+    assert "Traceback" not in done.output
+    assert done.exception is None or isinstance(done.exception, SystemExit)
+    assert (done.exit_code == 2) == ("raise" in body)
+    assert ("RuntimeError: too far" in done.output) == ("raise" in body)
+    assert re.search(r"laws\.py:Own\.path_loss_db", done.output) or "raise" not in body
+
+
+FLAGS = """
+from typing import ClassVar
+
+import numpy as np
+from channel.propagation.path_loss import PathLossModel
+from channel.variant import Variant
+
+
+class Plain(Variant):
+    {flags}
+    def path_loss_db(self, path):
+        return 40.0 * np.log10(path.distance_m)
+
+
+class Derived(PathLossModel):
+    {flags}
+    def path_loss_db(self, path):
+        return 40.0 * np.log10(path.distance_m)
+
+
+class Lacking(PathLossModel):
+    pass
+"""
+
+
+@pytest.mark.parametrize("name", ["Plain", "Derived"])
+@pytest.mark.parametrize(
+    ("flags", "flag"),
+    [
+        ("pass", ""),
+        ("has_ground: ClassVar[bool] = True", "has_ground"),
+        ("has_earth: ClassVar[bool] = True", "has_earth"),
+    ],
+)
+def test_a_law_has_the_flags_of_its_kind_whether_it_is_derived_or_not(tmp_path, name, flags, flag):
+    (tmp_path / "laws.py").write_text(FLAGS.format(flags=flags))
+    law = presets.load_radio("perfect", {"propagation": {"class": f"{tmp_path}/laws.py:{name}"}}).propagation
+    known = ("needs_places", "needs_roles", "by_rays", "has_ground", "has_earth", "draws_sight", "has_sigmas")
+    assert [each for each in known if getattr(law, each)] == ([flag] if flag else [])
+
+
+def test_a_flag_may_be_a_field_of_a_law_that_is_not_derived(tmp_path):
+    (tmp_path / "laws.py").write_text(
+        FLAGS.format(flags="needs_places: bool = True").replace("Derived(Path", "D(Path")
+    )
+    (tmp_path / "laws.py").write_text((tmp_path / "laws.py").read_text().partition("class D(")[0])
+    assert presets.load_radio(
+        "perfect", {"propagation": {"class": f"{tmp_path}/laws.py:Plain"}}
+    ).propagation.needs_places
+
+
+def test_a_law_that_only_derives_lacks_its_loss(tmp_path):
+    (tmp_path / "laws.py").write_text(FLAGS.format(flags="pass"))
+    with pytest.raises(PresetError, match=r"Lacking in .* has no path_loss_db"):
+        presets.load_radio("perfect", {"propagation": {"class": f"{tmp_path}/laws.py:Lacking"}})
+
+
+OPENED = """
+from channel.access.settings.base import Serial
+from channel.routing.router import Forwarding, HopRouter
+from channel.variant import Variant
+
+
+class Way(Variant):
+    def open({given}):
+        return {gives}
+
+
+class Air(Serial):
+    def open({given}):
+        return {gives}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "of"), [("routing", "Way", "HopRouter"), ("medium", "Air", "AccessMedium")]
+)
+@pytest.mark.parametrize(
+    ("given", "gives", "problem"),
+    [
+        ("self, *given", "None", "gave None: has to give a subclass of {of}"),
+        ("self", "None", "open: TypeError: {name}.open() takes 1 positional argument"),
+    ],
+)
+def test_what_opens_a_medium_or_routing_has_to_give_one(tmp_path, kind, name, of, given, gives, problem):
+    (tmp_path / "laws.py").write_text(OPENED.format(given=given, gives=gives))
+    radio = {
+        "preset": "telemetry-915",
+        "medium": {"model": "airtime"},
+        kind: {"class": f"{tmp_path}/laws.py:{name}"},
+    }
+    done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={json.dumps(radio)}"])
+    assert done.exit_code == 2
+    assert f"laws.py:{name}.open" in done.output
+    assert problem.format(of=of, name=name) in done.output
+    assert "Traceback" not in done.output
+
+
+def test_a_routing_of_ones_own_needs_no_copies(tmp_path):
+    (tmp_path / "laws.py").write_text(
+        OPENED.format(given="self, nodes, draws", gives="HopRouter(tuple(nodes), draws, Forwarding())")
+    )
+    routing = {"class": f"{tmp_path}/laws.py:Way"}
+    config = presets.load_radio("telemetry-915", {"medium": {"model": "airtime"}, "routing": routing})
+    assert config.routing.copies(7) == 1
+    radio = {"preset": "telemetry-915", "medium": {"model": "airtime"}, "routing": routing}
+    done = CliRunner().invoke(lostlink, ["check", "--set", f"radio={json.dumps(radio)}"])
+    assert done.exit_code == 0, done.output
+
+
+def test_link_and_check_name_the_laws(tmp_path):
+    settings = own(tmp_path, "propagation", "return super().path_loss_db(path)")
+    told = "propagation laws.py:Own, noise thermal, error uncoded-awgn, antenna isotropic"
+    link = ["link", "--radio", "corrected", "--ground-distance", "400"]
+    link += [f"--set={key}={json.dumps(value)}" for key, value in settings.items()]
+    radio = json.dumps({"preset": "corrected", **settings})
+    for command in (link, ["check", "--set", f"radio={radio}"]):
+        assert told in CliRunner().invoke(lostlink, command).output
