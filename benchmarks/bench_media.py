@@ -22,7 +22,6 @@ from channel.access.media.csma import Csma
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import PLAIN, AirPacket
 from channel.access.queue import QueueLimits
-from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a, wifi_g
 from channel.access.world import PlainWorld
 from channel.link.radio import Radio
@@ -31,6 +30,7 @@ from channel.medium.medium import Medium
 from channel.medium.reception import Packets, Receptions
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
+from channel.network.radio_world import RadioWorld
 from channel.presets import load_radio
 
 NS_PER_S = 1_000_000_000

@@ -12,11 +12,11 @@ from channel.access.air import Hearing
 from channel.access.media.csma import Csma, DcfSettings
 from channel.access.packets import AirFate, AirPacket
 from channel.access.queue import QueueLimits
-from channel.access.radio_world import RadioWorld
 from channel.access.timing import NS_PER_S, Wifi, wifi_a, wifi_b
 from channel.access.trial import Load, instants
 from channel.access.world import AirFrame, Arrival, Piece, PlainWorld, World
 from channel.link.radio import Radio
+from channel.network.radio_world import RadioWorld
 from channel.numbers.units import ratio_from_db
 from channel.presets import radio_from_mapping
 

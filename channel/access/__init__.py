@@ -4,7 +4,6 @@ agenda      what happens next, in an order that nothing else decides
 packets     what enters a medium, and what comes out of it
 queue       packets of one node that wait: bounded, with classes, life times and replacement by key
 world       how strong a node hears another, and what survives: an interface, and a plain one
-radio_world the same by the physics of a radio
 air         transmissions on their way to all receivers
 receiver    what one node hears of those that overlap, piece by piece
 passing     frames that meet no other: past receivers that do not attend to them, as columns

@@ -277,8 +277,8 @@ def _world(options: dict[str, Any]) -> tuple[World, Hearing, int]:
     nodes = range(options["nodes"])
     if not options["radio"]:
         return PlainWorld(nodes), Hearing(), 0
-    from channel.access.radio_world import RadioWorld
     from channel.link.radio import Radio
+    from channel.network.radio_world import RadioWorld
 
     ring_m, turn = options["ring_m"], 2.0 * pi / (len(nodes) - 1)
     places = {

@@ -5,11 +5,11 @@ import pytest
 import yaml
 
 from channel import presets
-from channel.access.radio_world import RadioWorld
 from channel.access.world import AirFrame, Piece
 from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.medium.simulate import simulate
+from channel.network.radio_world import RadioWorld
 from channel.presets import PresetError
 
 

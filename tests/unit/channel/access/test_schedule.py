@@ -12,10 +12,10 @@ from channel.access.media.schedule import Schedule, Slot
 from channel.access.media.tdma import Tdma
 from channel.access.packets import AirFate, AirPacket, Loss
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.radio_world import RadioWorld
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld, World
 from channel.link.radio import Radio
+from channel.network.radio_world import RadioWorld
 from channel.presets import radio_from_mapping
 
 MS, S = 1_000_000, 1_000_000_000

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from channel.access.radio_world import RadioWorld
 from channel.access.settings.air_time import AirTimeMedium
 from channel.access.settings.base import Surroundings
 from channel.access.trial import Load, under_load
 from channel.cli.air_command import air
 from channel.link.radio import Radio
+from channel.network.radio_world import RadioWorld
 from channel.numbers.units import db_from_ratio
 from channel.presets import load_radio
 

@@ -15,10 +15,10 @@ import pytest
 from channel.access.air import Hearing
 from channel.access.media.csma import NO_BACKOFF, Csma
 from channel.access.packets import AirFate, AirPacket
-from channel.access.radio_world import RadioWorld
 from channel.access.timing import wifi_a
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from channel.network.radio_world import RadioWorld
 from channel.network.sources import MediumSources
 from channel.presets import radio_from_mapping
 from channel.validity import OutsideValidityError
