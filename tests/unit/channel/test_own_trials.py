@@ -174,11 +174,11 @@ def test_noise_that_the_radios_own_carrier_makes_none_is_a_mistake_of_the_scenar
 @pytest.mark.parametrize(
     "body",
     [
-        "return 60.0 + 30.0 * (path.distance_m % 7 > 3)",
+        "return 60.0 + 200.0 * (path.distance_m.size == 60) + 0.0 * path.distance_m",
         "if (path.distance_m > 9e5).any(): raise RuntimeError('too far')\n        return super().path_loss_db(path)",
     ],
 )
-def test_check_ends_in_order_with_a_law_that_goes_up_and_down_or_raises(tmp_path, body):
+def test_check_ends_in_order_with_a_law_that_hangs_on_how_many_links_there_are_or_raises(tmp_path, body):
     settings = own(tmp_path, "propagation", body)
     done = CliRunner().invoke(
         lostlink, ["check", "--set", f"radio={json.dumps({'preset': 'corrected', **settings})}"]
