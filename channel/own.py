@@ -20,7 +20,7 @@ from pydantic import ValidationError, WrapSerializer, WrapValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from channel.own_methods import Method, looked_at, tried
+from channel.own_methods import Method, OwnModelError, looked_at, tried
 from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
 from sitl_configs.own_code import load_module, told
@@ -67,12 +67,16 @@ def own_models(
             raise ValueError(f"{found.__name__} in {key[1]} has no {', '.join(missing)}")
         try:
             model = _looked_at(found, label, group, base, methods).model_validate(parameters)
+            if getattr(model, "is_random", True):
+                tried(model, label, methods, trial)
         except ValidationError as error:
             raise _in_our_words(error, parameters, found) from None
-        except Exception as error:  # of its author's validators, or a class that is not defined in full
+        except OwnModelError:
+            raise
+        except (
+            Exception
+        ) as error:  # of its author's validators or properties; or a class that is not defined in full
             raise ValueError(told(error, key[1])) from error
-        if getattr(model, "is_random", True):
-            tried(model, label, methods, trial)
         model._own_key = key
         return model
 
@@ -127,7 +131,11 @@ def _asked_for(value: Any, group: str) -> tuple[tuple[str, str] | None, dict[str
 
 def _class_of(key: tuple[str, str], group: str) -> type[Variant]:
     name, text = key
-    found = _from_text(text) if name == CLASS_KEY else _entry_points(group)[text].load()
+    if name == CLASS_KEY:
+        found = _from_text(text)
+    else:
+        point = _entry_points(group)[text]
+        found = _from_text(f"{point.module}:{point.attr}")
     if not (isinstance(found, type) and issubclass(found, Variant)):
         raise ValueError(f"{text} is no subclass of channel.variant.Variant")
     return found

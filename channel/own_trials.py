@@ -148,7 +148,7 @@ def try_mean_loss(bursts: Any, label: str) -> None:
         OwnModelError: it cannot.
     """
     mean = bursts.mean_loss
-    if not 0.0 <= mean <= 1.0:
+    if not (isinstance(mean, int | float | np.floating) and 0.0 <= mean <= 1.0):
         raise OwnModelError(f"{label}.mean_loss is {mean}: has to be from 0 to 1")
     losses = np.asarray(bursts.loss_at(WORDS, TIMES_NS))
     low, high = float(losses.min()), float(losses.max())

@@ -31,7 +31,7 @@ class Own(UncodedAwgn):
 """,
     "bursts": """
 class Own(Variant):
-    mean_loss: float = {}
+    mean_loss: object = {}
     def loss_at(self, words, times_ns): {}
 """,
     "shadowing": """
@@ -78,6 +78,7 @@ def own(tmp_path, kind, *bodies, **values):
         ("error", ["per(self, s): return s * 0"], r"per: TypeError: Own\.per\(\) takes 2 positional arguments"),
         ("error", ["ber(self, s, b): return s"], "ber gave -20 at snr_db -20"),
         ("bursts", [2.0, ONES], "mean_loss is 2.0: has to be from 0 to 1"),
+        ("bursts", ["None", NONE], "mean_loss is None: has to be from 0 to 1"),
         ("bursts", [0.5, NONE], "mean_loss is 0.5, and loss_at gave 0 to 0"),
         ("bursts", [0.5, ONES], "mean_loss is 0.5, and loss_at gave 1 to 1"),
         ("bursts", [0.0, "return np.full(times_ns.shape, 0.5)"], "mean_loss is 0, and loss_at gave 0.5 to 0.5"),
@@ -174,11 +175,11 @@ def test_noise_that_the_radios_own_carrier_makes_none_is_a_mistake_of_the_scenar
 @pytest.mark.parametrize(
     "body",
     [
-        "return 60.0 + 30.0 * (path.distance_m % 7 > 3)",
+        "return 60.0 + 200.0 * (path.distance_m.size == 60) + 0.0 * path.distance_m",
         "if (path.distance_m > 9e5).any(): raise RuntimeError('too far')\n        return super().path_loss_db(path)",
     ],
 )
-def test_check_ends_in_order_with_a_law_that_goes_up_and_down_or_raises(tmp_path, body):
+def test_check_ends_in_order_with_a_law_that_hangs_on_how_many_links_there_are_or_raises(tmp_path, body):
     settings = own(tmp_path, "propagation", body)
     done = CliRunner().invoke(
         lostlink, ["check", "--set", f"radio={json.dumps({'preset': 'corrected', **settings})}"]
@@ -308,3 +309,11 @@ def test_link_and_check_name_the_laws(tmp_path):
     radio = json.dumps({"preset": "corrected", **settings})
     for command in (link, ["check", "--set", f"radio={radio}"]):
         assert told in CliRunner().invoke(lostlink, command).output
+
+
+def test_a_property_that_raises_is_told_with_its_line(tmp_path):
+    settings = own(tmp_path, "shadowing", "loss_db(self, z): return z", sigma_db=3.0)
+    with (tmp_path / "laws.py").open("a") as file:
+        file.write("    @property\n    def is_random(self): return 1 / 0\n")
+    with pytest.raises(PresetError, match=r"shadowing: .*laws\.py:14: ZeroDivisionError: division by zero"):
+        presets.load_radio("corrected", settings)
