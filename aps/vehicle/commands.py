@@ -289,6 +289,10 @@ class CommandExecution(Execution):
         if self.plan.lead_s is not None and older.plan.lead_s is not None:
             self._lead = older._lead
 
+    def leave_speed(self) -> None:
+        """Ask for its speed no more: a newer command changes it."""
+        self._besides = ECHO_SETPOINTS
+
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         if self._mode_before is None:
             self._mode_before = state.mode
