@@ -17,6 +17,8 @@ from channel.variant import Variant
 from sitl_configs.own_code import told
 
 LARGEST: Final = sys.float_info.max
+ROUNDING: Final = 1e-9
+"""By which a number may be beyond its bounds: of a sum of shares that are together 1."""
 
 
 class OwnModelError(ValueError):
@@ -68,22 +70,27 @@ class Numbers:
     hint: str = ""
 
     def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave."""
+        """Look at what it gave; not if its model calls it with other arguments."""
+        if len(given) != len(self.trial):
+            return
         elements = np.asarray(self.elements(*given))
+        shape = self._shape(elements)
         try:
             numbers = np.asarray(found, dtype=np.float64)
-            shape = np.broadcast_shapes(numbers.shape, self._shape(elements))
+            if numbers.shape != shape:
+                shape = np.broadcast_shapes(numbers.shape, shape)
         except (TypeError, ValueError):
             what = f"an array of shape {found.shape}" if isinstance(found, np.ndarray) else repr(found)
-            raise OwnModelError(f"{called} gave {what} for {self._shape(elements)} of {self.at}") from None
-        if not numbers.size or (numbers.min() >= self.low and numbers.max() <= self.high):
+            raise OwnModelError(f"{called} gave {what} for {shape} of {self.at}") from None
+        low, high = self.low - ROUNDING, self.high + ROUNDING
+        if not numbers.size or (numbers.min() >= low and numbers.max() <= high):
             return
         numbers = np.broadcast_to(numbers, shape)
         elements = np.broadcast_to(elements, (*shape, *elements.shape[-1:]) if self.of_vectors else shape)
-        place = tuple(np.argwhere(~((numbers >= self.low) & (numbers <= self.high)))[0])
+        place = tuple(np.argwhere(~((numbers >= low) & (numbers <= high)))[0])
         where = elements[place] if self.of_vectors else f"{elements[place]:.12g}"
         raise OwnModelError(
-            f"{called} gave {numbers[place]:g} at {self.at} {where}: has to be {self._allowed}"
+            f"{called} gave {numbers[place]:.12g} at {self.at} {where}: has to be {self._allowed}"
         )
 
     def tried(self, called: str, call: Callable[..., Any]) -> None:
@@ -148,14 +155,15 @@ def looked_at(
     def watched(name: str, method: Method) -> Callable[..., Any]:
         called = f"{label}.{name}"
 
-        def call(self: Variant, *given: Any) -> Any:
+        def call(self: Variant, *given: Any, **named: Any) -> Any:
             try:
-                result = getattr(super(made, self), name)(*given)
+                result = getattr(super(made, self), name)(*given, **named)
             except (ChannelInputError, OwnModelError):
                 raise
             except Exception as error:
                 raise OwnModelError(f"{called}: {told(error)}") from error
-            method.check(called, result, given)
+            if not named:  # else its model calls it
+                method.check(called, result, given)
             return result
 
         return call

@@ -8,8 +8,8 @@ from math import inf
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from channel.checks import FloatArray
 from channel.geometry import Path, path_at
 from channel.own_methods import LARGEST, Method, Numbers, OwnModelError
 from channel.phy.error_model import Band
@@ -37,9 +37,14 @@ def _few_links() -> Path:
     return Path(FREQUENCY_HZ, np.linalg.norm(there - here, axis=1), *HEIGHTS_M, here, there)
 
 
-def _distances_of(path: Path) -> FloatArray:
-    columns = path.distance_m, path.frequency_hz, path.height_tx_m, path.height_rx_m
-    return np.asarray(np.broadcast_arrays(*columns)[0])
+def _among(first: ArrayLike, *others: ArrayLike) -> ArrayLike:
+    """Return numbers in the shape that they have together with others."""
+    shape = np.broadcast(first, *others).shape
+    return first if np.shape(first) == shape else np.broadcast_to(first, shape)
+
+
+def _distances_of(path: Path) -> ArrayLike:
+    return _among(path.distance_m, path.frequency_hz, path.height_tx_m, path.height_rx_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +97,7 @@ FADING: Final[Methods] = {
     "gain_db": Numbers(
         (UNIFORM, UNIFORM[::-1], ELEVATIONS_DEG),
         "first draw",
-        lambda first, second, _: np.broadcast_arrays(first, second)[0],
+        lambda first, second, _: _among(first, second),
         low=-inf,
     ),
     "rule": FadingRule(),
@@ -115,7 +120,7 @@ ERROR: Final[Methods] = {
     "per": Numbers(
         (SNRS_DB, LENGTH_BYTES, BAND),
         "snr_db",
-        lambda snr_db, length, _: np.broadcast_arrays(snr_db, length)[0],
+        lambda snr_db, length, _: _among(snr_db, length),
         0.0,
         1.0,
     ),

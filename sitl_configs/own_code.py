@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import itertools
@@ -92,10 +93,38 @@ def _from_file(path: Path, name: str) -> ModuleType:
     put_first(path.parent.resolve())
     try:
         spec.loader.exec_module(module)
+        _see_neighbours(path)
     except BaseException:
         del sys.modules[name]
         raise
     return module
+
+
+def _see_neighbours(path: Path) -> None:
+    """See that a file has got what lies beside it, and not what has that name beside another file."""
+    for name in _imported_by(path):
+        beside, found = path.parent.resolve() / f"{name}.py", getattr(sys.modules.get(name), "__file__", None)
+        if (
+            found is None
+            or not beside.is_file()
+            or str(Path(found).parent) not in _put_first - {str(beside.parent)}
+        ):
+            continue
+        if Path(found).read_bytes() != beside.read_bytes():
+            raise OwnCodeError(
+                f"{path} imports {name}, and {found} has that name, too: rename it or {beside}, or have one folder"
+            )
+
+
+def _imported_by(path: Path) -> set[str]:
+    """Names of the modules and packages that a file imports."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            found.update(each.name.partition(".")[0] for each in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.partition(".")[0])
+    return found
 
 
 def _installed(module: str) -> ModuleType:

@@ -305,6 +305,8 @@ class Commander:
         """Give the newer command what it occupies, or refuse it."""
         for handle in self._running:
             older = handle.execution
+            if newer.verb == "speed" and isinstance(older, CommandExecution):
+                older.leave_speed()
             if not newer.occupies or older.occupies != newer.occupies or older.result is not None:
                 continue
             if newer.occupies not in _TAKES_OVER:

@@ -100,6 +100,8 @@ class Echo:
     """Message that asks for it, with each setpoint until one was taken."""
     is_ours: Callable[[Mapping[str, Any]], bool]
     """Whether its fields say that the setpoint was taken."""
+    is_true: Callable[[Mapping[str, Any], VehicleState], bool]
+    """Whether fields that say something else agree with the state."""
     refusal: str
     """What it means when it says something else after ECHO_SETPOINTS of them."""
 
@@ -207,7 +209,9 @@ class CommandExecution(Execution):
         self._echoes = 0
         """How often it was asked what it flies to ..."""
         self._taken = False
-        """... and whether it said that it is what it was sent."""
+        """... whether it said that it is what it was sent ..."""
+        self._other: Mapping[str, Any] | None = None
+        """... or what else, in the end."""
         self._feedback_ms = 0
         self._mode_seen = False
         self._armed_seen = False
@@ -265,8 +269,7 @@ class CommandExecution(Execution):
         echo = self.plan.echo
         if echo is not None and echo.name == name and self._echoes:
             self._taken |= echo.is_ours(fields)
-            if not self._taken and self._echoes >= ECHO_SETPOINTS:
-                self._rejection = echo.refusal
+            self._other = None if self._taken or self._echoes < ECHO_SETPOINTS else fields
 
     def on_link(self, connected: bool, now_ns: int) -> None:
         """What has not been accepted ends with the link: sent when that is back, it would surprise (motors that spin).
@@ -288,6 +291,10 @@ class CommandExecution(Execution):
         """Take the place of another whose setpoints the autopilot has had until now."""
         if self.plan.lead_s is not None and older.plan.lead_s is not None:
             self._lead = older._lead
+
+    def leave_speed(self) -> None:
+        """Ask for its speed no more: a newer command changes it."""
+        self._besides = ECHO_SETPOINTS
 
     def _poll(self, state: VehicleState, now_ns: int) -> list[Any]:
         if self._mode_before is None:
@@ -434,6 +441,9 @@ class CommandExecution(Execution):
         self._mode_seen |= state.mode in plan.modes or self._is_in_another_mode(state)
         self._armed_seen |= state.armed
         duration_s = plan.duration_s
+        if plan.echo is not None and self._other is not None and plan.echo.is_true(self._other, state):
+            self._rejection = plan.echo.refusal
+        self._other = None
         if self._rejection:
             self.end(Outcome.REFUSED, self._rejection)
             return []

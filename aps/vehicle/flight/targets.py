@@ -35,6 +35,9 @@ POINT_PERIOD_S: Final = 1.0
 """Between two repetitions of a point."""
 ECHO_M: Final = 0.5
 """From a point that was taken to what the autopilot says of it; it keeps centimetres."""
+WAY_M: Final = 2.0
+WAY_LAG_S: Final = 1.5
+"""From the way to go that the autopilot says, in whole metres and once a second, to the way that is left."""
 _ECHO: Final = mavlink.MAVLink_position_target_local_ned_message
 
 FRAMES: Final = ("relative", "amsl", "terrain")
@@ -221,8 +224,16 @@ def _echo(state: VehicleState, goal: Vector3, why: str) -> Echo:
         target = fields["x"], fields["y"], fields["z"]
         return not fields["type_mask"] & NO_POSITION and math.dist(target, goal) <= ECHO_M
 
+    def is_true(fields: Mapping[str, Any], now: VehicleState) -> bool:
+        """With GUID_OPTIONS 64 ArduCopter says a point of before, or 0; NAV_CONTROLLER_OUTPUT has its way to go."""
+        said = fields["x"], fields["y"]
+        is_above = any(said) and math.dist(said, goal[:2]) <= ECHO_M
+        way_m = math.dist(now.position_ned_m[:2], goal[:2])
+        goes_elsewhere = abs(now.waypoint_distance_m - way_m) > WAY_M + WAY_LAG_S * now.groundspeed_mps
+        return bool(fields["type_mask"] & NO_POSITION) or is_above or goes_elsewhere
+
     ask = command_long(state, int(mavlink.MAV_CMD_REQUEST_MESSAGE), float(_ECHO.id)).message(0)
-    return Echo(_ECHO.msgname, ask, is_ours, f"the autopilot does not take this point: {why}")
+    return Echo(_ECHO.msgname, ask, is_ours, is_true, f"the autopilot does not take this point: {why}")
 
 
 def _from_origin(state: VehicleState, offset_m: Vector3, frame: str) -> Vector3:

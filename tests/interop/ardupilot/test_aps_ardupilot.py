@@ -63,6 +63,10 @@ async def test_arducopter_state_streams_and_commands(copter):
     )
     result = await commands.run("goto_ned", 50.0, 0.0, -25.0)
     assert result.reached, result
+    by_waypoint_navigation = {"GUID_OPTIONS": 64.0}
+    assert (await commands.run("parameters_set", by_waypoint_navigation)).reached
+    result = await commands.run("goto_ned", 20.0, 10.0, -25.0, speed_mps=3.0)
+    assert result.reached, result  # though it says that it flies to the point before
     assert (await commands.disarm()).outcome is Outcome.REFUSED
     result = await commands.rtl()
     assert result.reached, result

@@ -503,3 +503,22 @@ def test_one_autopilot_that_reboots_between_two_answers_is_one(caplog):
             first.ahead_ns = second.ahead_ns = -500 * S
         second.answer()
     assert "more than one" not in caplog.text
+
+
+def test_a_speed_that_is_changed_on_the_way_to_a_local_point_is_not_changed_back():
+    """The speed of `goto_ned` goes with its first five setpoints."""
+    bench, change_speed, answered = Bench(), 178, 0
+    bench.clock(1000)
+    bench.heartbeat(armed=True)
+    bench.start("goto_ned", 60.0, 0.0, -20.0, speed_mps=8.0)
+    for second in range(1, 9):
+        bench.clock(1000 + 1000 * second)
+        bench.wait(1.0)
+        if second == 1:
+            bench.start("speed", 2.0)
+        while answered < len(bench.commands(change_speed)):
+            bench.ack(change_speed)
+            answered += 1
+    asked = [message.param2 for message in bench.commands(change_speed)]
+    assert asked == [8.0] * (len(asked) - 1) + [2.0]
+    assert 1 < len(asked) < 6

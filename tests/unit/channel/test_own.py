@@ -242,3 +242,30 @@ def test_a_file_that_was_edited_is_read_again(mine):
     second = presets.load_radio(mine / "mine.yaml").propagation
     at = Radio(presets.load_radio("perfect")).path(10.0)
     assert float(second.path_loss_db(at)) == pytest.approx(2.0 * float(first.path_loss_db(at)))
+
+
+def two_with_neighbours(tmp_path, *exponents):
+    for folder, exponent in zip(("first", "second"), exponents, strict=True):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"near_{tmp_path.name}.py").write_text(f"EXPONENT = {exponent}\n")
+        code = CODE.replace(
+            "import numpy as np", f"import numpy as np\nfrom near_{tmp_path.name} import EXPONENT"
+        )
+        (tmp_path / folder / "mine.py").write_text(code.replace("4.0", "EXPONENT"))
+    laws = ({"propagation": {"class": f"{tmp_path}/{each}/mine.py:Steep"}} for each in ("first", "second"))
+    return [
+        lambda law=law: Radio(presets.load_radio("perfect", law)).link(100.0).path_loss_db for law in laws
+    ]
+
+
+def test_what_lies_beside_one_file_is_not_taken_for_what_lies_beside_another(tmp_path):
+    first, second = two_with_neighbours(tmp_path, 3.0, 5.0)
+    assert first() == pytest.approx(60.0)
+    told = r"second/mine\.py imports (near_\w+), and .*first/\1\.py has that name, too: rename it or .*second/\1\.py"
+    with pytest.raises(PresetError, match=told):
+        second()
+    assert first() == pytest.approx(60.0)
+
+
+def test_copies_of_one_file_may_lie_beside_two(tmp_path):
+    assert [float(loss()) for loss in two_with_neighbours(tmp_path, 3.0, 3.0)] == pytest.approx([60.0, 60.0])

@@ -317,3 +317,27 @@ def test_a_property_that_raises_is_told_with_its_line(tmp_path):
         file.write("    @property\n    def is_random(self): return 1 / 0\n")
     with pytest.raises(PresetError, match=r"shadowing: .*laws\.py:14: ZeroDivisionError: division by zero"):
         presets.load_radio("corrected", settings)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "per(self, s, n, b): return self.ber(b=b, s=s)\n    def ber(self, s, b): return 0.0 * s",
+        "per(self, s, n, b): return self.ber(s, b, 1.0)\n    def ber(self, s, b, c=0.0): return 0.0 * s + c",
+        "per(self, s, n, b): return 0.0 * self.ber(s)\n    def ber(self, s, b=None): return 0.0 * s",
+        "per(self, s, n, b): return 0.0 * s + np.nextafter(1.0, 2.0)",
+        "per(self, s, n, b): return 0.0 * s - 1e-17",
+    ],
+)  # fmt: skip
+def test_a_model_may_call_itself_as_it_likes_and_round(tmp_path, body):
+    config = presets.load_radio("corrected", own(tmp_path, "error", body))
+    assert Radio(config).probability_of_delivery(np.array([100.0])).shape == (1,)
+
+
+@pytest.mark.parametrize("beyond", [1.0 + 2e-9, -2e-9])
+def test_what_is_more_than_rounding_is_refused_in_all_its_digits(tmp_path, beyond):
+    told = re.escape(f"per gave {beyond:.12g} at snr_db -20: has to be from 0 to 1")
+    with pytest.raises(PresetError, match=told):
+        presets.load_radio(
+            "corrected", own(tmp_path, "error", f"per(self, s, n, b): return 0.0 * s + {beyond}")
+        )

@@ -123,9 +123,10 @@ def echo(place=GOAL, type_mask=0b1101_1111_1000):
     return dict(zip("xyz", place, strict=True)) | {"type_mask": type_mask}
 
 
-def flown_by_setpoints(echoes, seconds=12):
+def flown_by_setpoints(echoes, seconds=12, goal=GOAL, to_go_m=0.0, speed_mps=0.0):
     """A second each; what the autopilot says that it flies to, just after it is asked."""
-    flight = Flight(targets.goto_ned(COPTER, *GOAL))
+    state = replace(COPTER, waypoint_distance_m=to_go_m, groundspeed_mps=speed_mps)
+    flight = Flight(targets.goto_ned(COPTER, *goal), state)
     asked = 0
     for said in [*echoes, *[None] * (seconds - len(echoes))]:
         asked += len(flight.after(1.0)) - 1 if flight.execution.result is None else 0
@@ -148,6 +149,25 @@ def test_a_local_point_that_arducopter_drops_is_refused_in_words(other):
         Outcome.REFUSED,
         "the autopilot does not take this point: ArduCopter flies to no point beyond its fence, and does not say so",
     )
+
+
+@pytest.mark.parametrize("said", [(0.0, 0.0, 0.0), (10.0, 20.0, -20.0)])
+@pytest.mark.parametrize(("to_go_m", "speed_mps"), [(50.0, 0.0), (48.0, 0.0), (58.0, 5.0)])
+def test_a_point_that_arducopter_flies_to_though_it_says_another_is_not_refused(said, to_go_m, speed_mps):
+    """With GUID_OPTIONS 64 it says one of before."""
+    told = flown_by_setpoints([echo(said)] * 10, to_go_m=to_go_m, speed_mps=speed_mps)
+    assert told == (None, 10)
+
+
+@pytest.mark.parametrize("to_go_m", [47.0, 53.0])
+def test_a_way_to_go_that_is_not_to_the_point_is_to_another(to_go_m):
+    result, _ = flown_by_setpoints([echo((10.0, 20.0, -20.0))] * 5, to_go_m=to_go_m)
+    assert result.outcome is Outcome.REFUSED
+
+
+def test_a_point_above_the_one_before_that_arducopter_drops_is_refused():
+    result, _ = flown_by_setpoints([echo((10.0, 20.0, -20.0))] * 5, goal=(10.0, 20.0, -200.0))
+    assert result.outcome is Outcome.REFUSED
 
 
 def test_a_local_point_that_was_taken_is_flown_to_whatever_is_said_later():
