@@ -147,9 +147,13 @@ class AircraftBridge:
         """The last MAVLink message of a type that the autopilot sent; ``None`` if there is none.
 
         Raises:
-            ValueError: there is no message of this name.
+            ValueError: there is no message of this name; the error names those that were heard.
         """
-        last = self.daemon.vehicle.messages.last(name, self._now_ns)
+        messages = self.daemon.vehicle.messages
+        try:
+            last = messages.last(name, self._now_ns)
+        except ValueError as error:
+            raise ValueError(f"{error}; heard so far: {', '.join(messages.names()) or 'none'}") from None
         return None if last is None else asdict(last)
 
 

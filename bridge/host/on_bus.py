@@ -43,6 +43,10 @@ class AskedOnBus:
             session.serve(self._keys.mavlink(hosted.id, "*"), looks.push)
 
     def _asked(self, query: Query) -> None:
+        """A command; one whose key has a wildcard would be everybody's, and is nobody's."""
+        if "*" in str(query.key_expr):
+            _refuse(query, f"{query.key_expr}: a command is for one node, without a wildcard")
+            return
         verb = self._keys.last_chunk(str(query.key_expr))
         if verb not in VERBS:
             _refuse(query, f"command {verb!r} is none of {', '.join(VERBS)}")
@@ -51,7 +55,7 @@ class AskedOnBus:
         try:
             goal = decode(query.payload.to_bytes(), CommandGoal) if query.payload else CommandGoal()
         except DecodeError as error:
-            reply(CommandEvent(CommandEvent.RESULT, False, str(error)))
+            reply(CommandEvent(CommandEvent.RESULT, False, str(error), outcome="refused"))
             return
         self._hosted.node.operator_asked(verb, goal, reply)
 
@@ -66,8 +70,9 @@ class AskedOnBus:
         name = str(query.key_expr).rsplit("/", 1)[1]
         try:
             found = hosted.last_message(name)
-        except ValueError:
-            found = None
+        except ValueError as error:
+            _refuse(query, str(error))
+            return
         key = self._keys.mavlink(hosted.id, name)
         if found is not None and not answer(query, key, json.dumps(found).encode(), JSON):
             log.warning("mavlink/%s: whoever asked is gone", name)

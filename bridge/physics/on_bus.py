@@ -78,14 +78,14 @@ class ClockOnBus:
 
     def tick(self, clock: Clock, truths: Truths) -> None:
         """Publish it: the true states first."""
-        if self._clock is not None:
-            self._clock.sim_time_ns = clock.header.stamp.ns
         for message in truths.truth:
             node = message.header.frame_id
             if self._wanted[node]():
                 self._session.put(self._keys.truth(node), message)
         self._session.put(self._keys.tick("truths"), truths, must_arrive=True)
         self._session.put(self._keys.clock, clock, must_arrive=True)
+        if self._clock is not None:
+            self._clock.ticked(clock.header.stamp.ns)
 
     def warning(self, node: str, text: str, sim_time_ns: int) -> None:
         """Publish it; it waits for nobody, and the record has it anyway."""

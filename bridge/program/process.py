@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 
-from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.session import Session, open_router
 from bridge.bus.supervisor_socket import SupervisorSocket
 from bridge.host.offspring import Offspring
 from bridge.program.program import NAME, Go, Program, Tell
-from bridge.radio.process import login_refused
+from bridge.radio.process import login_watch
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import add_run_arguments, log_to_files, run_until_stopped
@@ -59,7 +58,7 @@ async def fly(run: RunDirectory, tell: Tell, go: Go, stop: asyncio.Event, *, loo
 def _router(run: RunDirectory, report: Report, stack: ExitStack) -> Session | None:
     if not run.info.endpoint:
         return None
-    stack.enter_context(LoginWatch(partial(login_refused, report)))
+    stack.enter_context(login_watch(report))
     return stack.enter_context(open_router(run.info.endpoint, run.guard))
 
 

@@ -67,9 +67,13 @@ class Picture:
         return CommunicationMatrix(header, self._nodes, self._known.ravel(), self._delivered.ravel())
 
     def links(self, sim_time_ns: int, ledger: Ledger, radios_off: NDArray[np.bool_]) -> Links:
-        """All links that carried a packet, and which nodes' radios are off."""
+        """All links that carried a packet, and which nodes' radios are off.
+
+        Packets count when it is known what became of them, as in the fates of ticks.
+        """
         tx, rx = np.nonzero(self._known.T)
-        sent, delivered = ledger.sent[tx, rx], ledger.settled[tx, rx, DELIVERED]
+        settled = ledger.settled[tx, rx]
+        sent, delivered = settled.sum(axis=-1), settled[:, DELIVERED]
         distance_m, received_power_dbm, snr_db, per = (kept[rx, tx] for kept in self._figures)
         return Links(
             Header.at(sim_time_ns, ""),

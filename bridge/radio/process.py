@@ -11,7 +11,7 @@ from functools import partial
 from bridge.bus.identity.logins import LoginWatch
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, RadioSwitch, Truths, decode
-from bridge.bus.session import Sample, Session, Stamp, open_router
+from bridge.bus.session import STUCK_READER_S, Sample, Session, Stamp, open_router
 from bridge.radio.heard import Hosts
 from bridge.radio.intake import Handler
 from bridge.radio.on_bus import RadioOnBus
@@ -127,10 +127,22 @@ def login_refused(report: Report, reason: str, number: int) -> None:
         log.warning("refused a login (%s)", reason)
 
 
+def reader_cut_off(report: Report, number: int) -> None:
+    """Count a reader that the router has cut off, and log the first ones."""
+    report.count("readers_cut_off")
+    if number <= REFUSALS_LOGGED_MAX:
+        log.warning("cut off a reader whose queue was full for %g s: it lost samples", STUCK_READER_S)
+
+
+def login_watch(report: Report) -> LoginWatch:
+    """What Zenoh says of logins and readers is counted as long as it is entered."""
+    return LoginWatch(partial(login_refused, report), partial(reader_cut_off, report))
+
+
 def serve(run: RunDirectory) -> None:
     """Route for the run until a signal ends it."""
     report = Report(run.path, "router")
-    with LoginWatch(partial(login_refused, report)), open_router(run.info.endpoint, run.guard) as session:
+    with login_watch(report), open_router(run.info.endpoint, run.guard) as session:
         process = RouterProcess(session, run, report)
         on_stop_signal(process.stop)
         session.declare_alive(run.keys.alive("router"))

@@ -25,7 +25,7 @@ from bridge.record.tables.truth import TRUTH, TrueStates
 from channel.medium.addressees import codes_of
 from channel.medium.ledger import Ledger
 from lostlink.reading.moved import scenario_of
-from lostlink.reading.rows import DeliveryRows, take_rows
+from lostlink.reading.rows import RUN_ENDED, DeliveryRows, take_rows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
 from lostlink.replay.measured import ReportedMeasurements
@@ -92,12 +92,13 @@ class Player:
 
     @cached_property
     def _rows_until(self) -> NDArray[np.intp]:
-        """How many rows of the decisions were settled by each tick; the last tick has what came after it, too."""
+        """How many rows of the decisions were settled by each tick: what was written after the last is of none."""
+        columns = self.decisions.columns
         until = np.searchsorted(
-            self.decisions.columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
+            columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
         )
-        until[-1] = len(self.decisions)
-        return until
+        cut = np.flatnonzero(columns["fate"] == RUN_ENDED)
+        return np.minimum(until, cut[0]) if cut.size else until
 
     @cached_property
     def links_due(self) -> NDArray[np.bool_]:

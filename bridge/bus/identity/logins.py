@@ -1,7 +1,7 @@
-"""What Zenoh lets its router see of those whom it refuses: the logins, in its log.
+"""What Zenoh lets its router see of those whom it refuses, and of readers that it cuts off: in its log.
 
 Zenoh (1.10) reports refused logins in its log only, without the user, and refused messages only at its level `trace`,
-beside each message that it lets pass. So the log is read for logins here, and
+beside each message that it lets pass. So the log is read for logins here, and for readers that were too slow, and
 ``RUST_LOG=zenoh::net::routing::interceptor::access_control=trace`` writes everything else to the router's own log.
 """
 
@@ -22,6 +22,7 @@ NEEDED: Final = ",".join(
     (
         "zenoh_transport::unicast::establishment::accept=debug",
         "zenoh::net::routing::interceptor::access_control=info",
+        "zenoh_transport::unicast::universal::tx=error",
     )
 )
 """Zenoh is asked to log this; it prints a line for each login, none for a message."""
@@ -40,6 +41,7 @@ _SAYINGS: Final = {
     "Invalid user": UNKNOWN_USER,
     "did not match any configured ACL subject": NO_RIGHTS,
 }
+_CUT_OFF: Final = "Unable to push non droppable network message"
 _EXPECTED = re.compile(r"unicast::establishment::accept: ")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -54,10 +56,15 @@ class LoginWatch:
 
     Args:
         on_refused: called with the reason and how often there was that reason, in a thread of this watch.
+        on_cut_off: called, there too, when the router has closed the connection of a reader whose queue stayed full,
+            with how often it has.
     """
 
-    def __init__(self, on_refused: Callable[[str, int], object]) -> None:
-        self._on_refused = on_refused
+    def __init__(
+        self, on_refused: Callable[[str, int], object], on_cut_off: Callable[[int], object] = lambda _: None
+    ) -> None:
+        self._on_refused, self._on_cut_off = on_refused, on_cut_off
+        self._cut_off = 0
         self._refused: Counter[str] = Counter()
         self._end = f"{END}{secrets.token_hex(8)}\n"
         self._thread = threading.Thread(target=self._read, name="login watch", daemon=True)
@@ -92,5 +99,8 @@ class LoginWatch:
         if reason is not None:
             self._refused[reason] += 1
             self._on_refused(reason, self._refused[reason])
+        elif _CUT_OFF in line:
+            self._cut_off += 1
+            self._on_cut_off(self._cut_off)
         elif not _EXPECTED.search(line):
             os.write(self._stdout, line.encode())

@@ -106,8 +106,9 @@ class Controls:
         return self._to(until_ns, now_s) if until_ns > following_ns else self.next(now_s)
 
     def _seek(self, command: ClockCommand, now_s: float) -> Moment:
-        seconds = _within(command.number, "seek: seconds of sim time", 0.0, self.end_ns / NS_PER_S)
-        return self._to(max(self.begin_ns, round(seconds * NS_PER_S)), now_s)
+        begin_s, end_s = self.begin_ns / NS_PER_S, self.end_ns / NS_PER_S
+        seconds = _within(command.number, "seek: seconds of sim time", begin_s, end_s)
+        return self._to(round(seconds * NS_PER_S), now_s)
 
     def _speed(self, command: ClockCommand, now_s: float) -> None:
         is_max = command.number == math.inf

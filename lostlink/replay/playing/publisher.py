@@ -58,8 +58,9 @@ class MomentPublisher:
         self._statuses(moment)
         self._measured(moment)
         self._logged(moment)
-        header = Header.at(moment.sim_time_ns, "")
-        self._session.put(self._keys.clock_release, header, must_arrive=True)
+        if not moment.is_last:  # which ends a run in its place
+            header = Header.at(moment.sim_time_ns, "")
+            self._session.put(self._keys.clock_release, header, must_arrive=True)
         self._observed(moment, everything=everything)
 
     def clock(self, moment: Moment, pace: Pace) -> None:

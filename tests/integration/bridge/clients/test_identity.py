@@ -368,3 +368,40 @@ def test_observers_have_no_rights_from_another_machine(tmp_path: Path) -> None:
     script = FROM_OUTSIDE.format(path=str(tmp_path / "secrets"), host=addresses_for_others()[0])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert (done.stdout, done.stderr) == ("[] [('no_rights', 1)]\n", "")
+
+
+CUT_OFF = """\
+import threading
+from pathlib import Path
+from bridge.bus.identity.logins import LoginWatch
+from tests.integration.bridge.clients.guarded import PREFIX, guarded_router
+
+told, cut_off, gone, go_on = [], threading.Event(), threading.Event(), threading.Event()
+
+def watch(key, is_alive):
+    told.append(is_alive)
+    if not is_alive:
+        gone.set()
+
+with LoginWatch(print, lambda _: cut_off.set()), guarded_router(Path({path!r})) as router:
+    router.session.declare_alive(PREFIX + "alive/router")
+    with router.client("observer") as reader:
+        reader.watch_alive(PREFIX + "alive/router", watch)
+        reader.subscribe(PREFIX + "clock", lambda _: go_on.wait())
+        wanted = router.session.interest(PREFIX + "clock")
+        while not wanted():
+            pass
+        while not cut_off.is_set():
+            router.session.put_bytes(PREFIX + "clock", bytes(60000), must_arrive=True)
+        go_on.set()
+        gone.wait(20.0)
+print(told[:2])
+"""
+
+
+@pytest.mark.slow
+def test_a_reader_that_is_cut_off_is_counted_and_sees_it(tmp_path: Path) -> None:
+    """What has to arrive waits for it for a second; then it loses samples, and the router goes and comes for it."""
+    script = CUT_OFF.format(path=str(tmp_path / "secrets"))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("[True, False]\n", "")

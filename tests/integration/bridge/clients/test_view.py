@@ -273,8 +273,9 @@ def test_a_run_that_was_held_and_stepped_is_the_same_run(start_run: StartRun) ->
         assert (answer["paused"], answer["speed"]) == (True, 2.0)
         for count in (1, 3):
             before = stood_still(ticks, held)
-            assert ask("step", str(0.05 * count))["paused"]
+            answer = ask("step", str(0.05 * count))
             after = stood_still(ticks, held)
+            assert (answer["sim_time_s"], answer["paused"]) == (after / 1e9, True)
             assert after - before == count * 50_000_000
             assert ticks[-1].paused
             assert ask("status")["sim_time_s"] == after / 1e9

@@ -194,7 +194,7 @@ def test_an_operator_moves_it_and_an_observer_does_not(played: Any) -> None:
         truths = listener.wait_for(str(keys.tick("truths")), 2)
         assert len({sample.payload.to_bytes() for sample in truths}) >= 2
         answer = ask(operator, keys, "seek", "9")
-        assert answer == {"error": "seek: seconds of sim time, from 0 to 2, not 9.0"}
+        assert answer == {"error": "seek: seconds of sim time, from 0.5 to 2, not 9.0"}
         answer = ask(operator, keys, "fly")
         assert answer is not None
         assert "is none of pause" in answer["error"]

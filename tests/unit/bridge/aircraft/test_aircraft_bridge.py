@@ -211,3 +211,16 @@ def test_every_field_of_table_one_has_an_age_and_a_source() -> None:
     fields = {field.name for field in dataclasses.fields(messages.AircraftState)}
     assert fields - aged == {"header", "mav_id", "heartbeat_age_s", "age_s"}
     assert list(GROUPS) == list(range(len(AGED)))
+
+
+def test_a_mavlink_message_that_there_is_not_is_told_with_those_that_were_heard(
+    aircraft: AircraftBridge,
+) -> None:
+    assert aircraft.last_message("ATTITUDE") is None
+    with pytest.raises(ValueError, match=r"there is no MAVLink message 'NONSENSE'; heard so far: none$"):
+        aircraft.last_message("NONSENSE")
+    heard = mavlink.MAVLink_vfr_hud_message(0, 0, 0, 0, 0, 0), mavlink.MAVLink_system_time_message(0, 0)
+    for frame in frames(*heard):
+        aircraft.daemon.vehicle.messages.take(frame, 0)
+    with pytest.raises(ValueError, match=r"heard so far: SYSTEM_TIME, VFR_HUD$"):
+        aircraft.last_message("NONSENSE")

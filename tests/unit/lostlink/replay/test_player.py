@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import encode
+from bridge.radio.picture import Picture
+from bridge.record.tables.deliveries import DELIVERED, fates_message
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.states import STATES
+from lostlink.reading.rows import RUN_ENDED
 from lostlink.replay.moment import Moment
 from lostlink.replay.player import Player
 from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, flown, scenario_of, state_at, truths
@@ -84,6 +87,32 @@ def test_a_moment_is_over_when_another_is_played(run: Path) -> None:
     player.step()
     with pytest.raises(RuntimeError, match="is over"):
         before.links()
+
+
+@pytest.mark.parametrize("ticks", [31, 40])
+def test_links_and_fates_are_those_of_the_run_where_packets_take_time(tmp_path: Path, ticks: int) -> None:
+    """Packets count when it is known what became of them; what the end cuts off is in the record alone."""
+    tele = "networks: {tele: {preset: xbee-900hp}}\n"
+    scenario = scenario_of("wifi-2.4", NODES, extra=tele)
+    router = Router(tmp_path / "run", scenario)
+    picture, told, fates = Picture(scenario.transceiver_ids), [], np.zeros(2, dtype=np.int64)
+    for number in range(ticks):
+        sent = [Sent(node, radio=radio, length=60) for node in NODES for radio in ("main", "tele")]
+        now_ns, here = number * TICK_NS, truths(scenario, number)
+        settled = router.tick(now_ns, here, sent)
+        picture.take(settled.columns)
+        links = picture.links(now_ns, router.core.ledger, router.core.radios_off(now_ns))
+        arrived = settled.columns["fate"] == DELIVERED
+        fates += arrived.size, np.count_nonzero(arrived)
+        assert (sum(links.sent), sum(links.delivered)) == tuple(fates)
+        told.append((fates_message(now_ns, NODES, settled.columns, ("main", "tele")), links))
+    run = router.close()
+    player = Player.open(run)
+    assert np.count_nonzero(player.decisions.columns["fate"] == RUN_ENDED)
+    played = [(moment.fates(), moment.links()) for moment in player.moments()]
+    assert [[encode(each) for each in tick] for tick in played] == [
+        [encode(each) for each in tick] for tick in told
+    ]
 
 
 def test_packets_arrive_with_what_they_carried(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import os, subprocess
 from bridge.bus.identity.logins import LoginWatch
 
 told = []
-with LoginWatch(lambda *refusal: told.append(refusal)):
+with LoginWatch(lambda *refusal: told.append(refusal), lambda number: told.append(number)):
     for line in {lines!r}:
         os.write(1, line.encode() + b"\\n")
     child = subprocess.Popen(["sleep", "60"], stderr=subprocess.DEVNULL)  # which has the log's end for its stdout
@@ -45,6 +45,8 @@ def test_log_of_a_process_is_read_and_passed_on() -> None:
         "\x04",  # of an agent: nobody would read what follows, and the process would stand at its next 64 KiB
         "2026 ERROR zenoh: something else",
         f"{PREFIX}New transport link accepted",
+        "2026 ERROR zenoh_transport::unicast::universal::tx: Unable to push non droppable network message to 5f4d. "
+        "Closing transport!",
         f"{PREFIX}Invalid password",
     ]
     script = SCRIPT.format(lines=lines)
@@ -54,5 +56,5 @@ def test_log_of_a_process_is_read_and_passed_on() -> None:
     assert done.stdout.splitlines() == [
         "\x04",
         "2026 ERROR zenoh: something else",
-        "[('wrong_password', 1), ('wrong_password', 2)]",
+        "[('wrong_password', 1), 1, ('wrong_password', 2)]",
     ]

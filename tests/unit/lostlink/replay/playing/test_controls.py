@@ -50,10 +50,10 @@ def test_seeks_within_what_is_played(run: Path) -> None:
     assert moment is not None
     assert moment.sim_time_ns == 3_500_000_000
     assert moved.due_s() == pytest.approx(10.05)
-    before = moved.do("seek", "0", 10.0)
-    assert before is not None
-    assert before.sim_time_ns == 1 * S
-    for wrong, why in {"4.5": "from 0 to 4", "-1": "from 0 to 4", "nan": "a number", "": "a number"}.items():
+    first = moved.do("seek", "1", 10.0)
+    assert first is not None
+    assert first.sim_time_ns == 1 * S
+    for wrong, why in {"4.5": "from 1 to 4", "0.9": "from 1 to 4", "nan": "a number", "": "a number"}.items():
         with pytest.raises(ValueError, match=why):
             moved.do("seek", wrong, 10.0)
 

@@ -90,3 +90,21 @@ def test_packets_have_the_encoding_that_they_were_sent_with(tmp_path: Path) -> N
     publisher.publish(next(iter(player.moments())), Pace(1.0, 0, 0.0))
     told = {(key, encoding) for key, encoding, _ in session.told}
     assert told == {(KEYS.rx("1", "0", "team"), "text/plain"), (KEYS.rx("0", "1", "team"), "")}
+
+
+class Released(Wanting):
+    """A session that keeps the instants that are released."""
+
+    def put(self, key: str, message: Any, **_: Any) -> None:
+        if key == KEYS.clock_release:
+            self.told.append((key, message.stamp.ns, None))
+
+
+def test_all_ticks_are_released_but_the_last(tmp_path: Path) -> None:
+    """As in a run, which ends with it."""
+    player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 3))
+    session = Released()
+    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    for moment in player.moments():
+        publisher.publish(moment, Pace(1.0, 0, 0.0))
+    assert [sim_time_ns for _, sim_time_ns, _ in session.told] == [0, TICK_NS]
