@@ -4,7 +4,8 @@
 
 Saturated 802.11a stations with unicasts to one (Bianchi's case); nodes on a ring that broadcast 100 bytes at 10 Hz
 over `csma`, all hearing all, by a radio's powers and errors; and the same with moving nodes and all that is drawn, as a
-run has it, over `csma` and on a medium that takes no time (`ideal`). The last line is JSON.
+run has it, over `csma` and on a medium that takes no time (`ideal`). Then some of them over `csma` with the routing
+`mesh`, at 1 Hz. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -32,10 +33,13 @@ from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
 from channel.network.radio_world import RadioWorld
 from channel.presets import load_radio
+from channel.routing.settings import MeshRouting
 
 NS_PER_S = 1_000_000_000
 TICK_NS = NS_PER_S // 20
 RING_M = 100.0
+EVERY_TICKS, MESH_EVERY_TICKS = 2, 20
+"""Between two packets of a node; in a mesh each is transmitted by all, up to three times."""
 
 
 def saturated(nodes: int, duration_s: float) -> AccessMedium:
@@ -68,15 +72,17 @@ def measured(medium: AccessMedium, duration_s: float) -> tuple[float, float]:
 
 
 class Fleet:
-    """Nodes of a run on a network, that move and broadcast ten times a second.
+    """Nodes of a run on a network, that move and broadcast ten times a second, in a mesh once.
 
     Args:
         nodes: how many.
         is_ideal: whether packets take no time; else there is `csma`.
+        is_mesh: whether nodes hand packets on, as the routing `mesh` does; not with ``is_ideal``.
     """
 
-    def __init__(self, nodes: int, *, is_ideal: bool = False) -> None:
+    def __init__(self, nodes: int, *, is_ideal: bool = False, is_mesh: bool = False) -> None:
         self._is_ideal = is_ideal
+        self._every_ticks = MESH_EVERY_TICKS if is_mesh else EVERY_TICKS
         names = [str(node) for node in range(nodes)]
         radio = Radio(load_radio("wifi-2.4"))
         self._names, self._tick, self._number = names, 0, 0
@@ -85,7 +91,9 @@ class Fleet:
             radio, seed=1, nodes=names, ahead_ns=2 * TICK_NS, judge=judge if is_ideal else None
         )
         entry = EntryInstants(names, EntrySettings(None, 0.001, 0.001), TICK_NS, self._medium.draws)
-        self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, judge)
+        places = {name: place for place, name in enumerate(names)}
+        router = MeshRouting().open(places, self._medium.draws) if is_mesh else None
+        self._network = Network(self._medium, lambda world: Csma(world, wifi_g()), entry, judge, router)
         turn = 2.0 * pi / nodes
         self._places = np.array(
             [(RING_M * cos(turn * n), RING_M * sin(turn * n), -40.0) for n in range(nodes)]
@@ -98,7 +106,7 @@ class Fleet:
             self._places += (0.25, 0.1, 0.0)
             now_ns = self._tick * TICK_NS
             self._medium.observe(self._names, now_ns, self._places)
-            if self._tick % 2 == 0:
+            if self._tick % self._every_ticks == 0:
                 seq = np.full(len(self._names), self._number)
                 packets = self._medium.packets(tx=self._names, seq=seq, sim_time_ns=now_ns, length_bytes=100)
                 self._send(packets)
@@ -124,6 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--nodes", type=int, default=50)
+    parser.add_argument("--mesh-nodes", type=int, default=20)
     parser.add_argument("--duration", type=float, default=10.0, help="sim time, s")
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args(arguments)
@@ -141,16 +150,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name, fleet in (
         ("fleet", Fleet(options.nodes)),
         ("ideal", Fleet(options.nodes, is_ideal=True)),
+        ("mesh", Fleet(options.mesh_nodes, is_mesh=True)),
     ):
         fleet.measured(1.0)
         rounds = [fleet.measured(options.duration / 4.0) for _ in range(options.rounds)]
         receptions, factor = (statistics.median(column) for column in zip(*rounds, strict=True))
-        found[name] = {"receptions_per_s": round(receptions), "real_time_factor": round(factor, 1)}
+        found[name] = {"receptions_per_s": round(receptions), "real_time_factor": round(factor, 2)}
+        nodes = options.mesh_nodes if name == "mesh" else options.nodes
         print(
-            f"{options.nodes} nodes of a run, {name}: {receptions:,.0f} receptions a second, "
-            f"{factor:.1f} times real time"
+            f"{nodes} nodes of a run, {name}: {receptions:,.0f} receptions a second, {factor:.2f} times real time"
         )
-    print(json.dumps({"bench": "media", "nodes": options.nodes} | found))
+    print(json.dumps({"bench": "media", "nodes": options.nodes, "mesh_nodes": options.mesh_nodes} | found))
 
 
 if __name__ == "__main__":

@@ -62,15 +62,28 @@ def as_text(content: dict[str, Any]) -> str:
     if "message" not in content:
         return "  ".join([*head, content.get("error", content.get("encoding", "")), content["bytes"]])
     body = content["message"]
-    lines = _lines(body) if isinstance(body, dict) else [json.dumps(body)]
+    nothing = "null" if content["type"] == JSON else "nan"
+    lines = _lines(body, nothing) if isinstance(body, dict) else [json.dumps(body)]
     return "  ".join([*head, content["type"].rsplit("/", 1)[1]]) + "".join(f"\n  {line}" for line in lines)
 
 
-def _lines(body: dict[str, Any], prefix: str = "") -> list[str]:
+def _lines(body: dict[str, Any], nothing: str, prefix: str = "") -> list[str]:
     lines: list[str] = []
     for name, value in body.items():
         if isinstance(value, dict):
-            lines += _lines(value, f"{prefix}{name}.")
+            lines += _lines(value, nothing, f"{prefix}{name}.")
         else:
-            lines.append(f"{prefix}{name}: {value}")
+            text = value if isinstance(value, str) else _text(value, nothing)
+            lines.append(f"{prefix}{name}: {text}")
     return lines
+
+
+def _text(value: Any, nothing: str) -> str:
+    """A value within a message; ``nothing``: what None stands for."""
+    if value is None:
+        return nothing
+    if isinstance(value, list):
+        return f"[{', '.join(_text(each, nothing) for each in value)}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{name!r}: {_text(each, nothing)}' for name, each in value.items())}}}"
+    return repr(value)

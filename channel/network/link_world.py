@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import accumulate, pairwise
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -200,14 +201,14 @@ class LinkWorld:
             own = added(own, foreign)
         alone = fate == DELIVERED
         if met.noise is not None or (alone and foreign):
-            alone = drawn > self._lost(frame, receiver, power_mw, own)
+            alone = self._outlasts(drawn, frame, receiver, power_mw, own)
         if not alone:
             quiet_mw = float(ratio_from_db(self._other.radio(frame.node, receiver).noise_floor_dbm))
             quiet = [Piece(frame.ended_ns - frame.started_ns, quiet_mw)]
-            if has_sources and drawn > self._lost(frame, receiver, power_mw, quiet):
+            if has_sources and self._outlasts(drawn, frame, receiver, power_mw, quiet):
                 met.lost_to_sources.add(receiver)
             return False, False
-        return not disturbed or drawn > self._lost(frame, receiver, power_mw, added(own, pieces)), True
+        return not disturbed or self._outlasts(drawn, frame, receiver, power_mw, added(own, pieces)), True
 
     def comes_alone(self, frame: AirFrame, receiver: int, power_mw: float) -> bool:
         """By the same draw; sources of interference and other networks are there."""
@@ -236,15 +237,30 @@ class LinkWorld:
         span = frame.started_ns + delay_ns, frame.ended_ns + delay_ns
         return self.beside.pieces(receiver, frame.channel, *span)
 
-    def _lost(self, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]) -> float:
-        """The error rate of a frame by pieces of constant noise, which are the share of its bits that they last."""
+    def _outlasts(
+        self, drawn: float, frame: AirFrame, receiver: int, power_mw: float, noise: Sequence[Piece]
+    ) -> bool:
+        """Whether a draw is above the error rate of a frame by pieces of constant noise.
+
+        These are the share of its bits that they last. The chance to come through all of them falls with each, in
+        numbers of the computer, too: the loudest piece, which mostly decides, comes first, and where it does the
+        others are not asked.
+        """
         duration_ns = sum(piece_ns for piece_ns, _ in noise)
+        link = frame.node, receiver, frame.bit_rate_bps
+
+        def chance(piece: Piece) -> float:
+            share = frame.length_bytes * piece.duration_ns / duration_ns
+            return 1.0 - self._per(*link, power_mw / piece.interference_mw, share)
+
+        if len(noise) > 1 and not drawn > 1.0 - chance(max(noise, key=_power_mw)):
+            return False
         whole = 1.0
-        for piece_ns, noise_mw in noise:
-            share = frame.length_bytes * piece_ns / duration_ns
-            link = frame.node, receiver, frame.bit_rate_bps
-            whole *= 1.0 - self._per(*link, power_mw / noise_mw, share)
-        return 1.0 - whole
+        for piece in noise:
+            whole *= chance(piece)
+            if not drawn > 1.0 - whole:
+                return False
+        return True
 
     def _drawn(self, frame: AirFrame, receiver: int) -> float:
         packets, _ = as_packets([frame], [frame.started_ns])
@@ -304,6 +320,9 @@ class LinkWorld:
     ) -> float:
         radio = self._at_rate(bit_rate_bps)[0].radio(tx, rx)
         return float(radio.per_unchecked(db_from_ratio(sinr), length_bytes))
+
+
+_power_mw = attrgetter("interference_mw")
 
 
 def _met(frame: AirFrame) -> Met:

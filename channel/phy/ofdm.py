@@ -55,6 +55,11 @@ WEIGHT_SPECTRA: dict[int, tuple[int, int, tuple[int, ...]]] = {
     3: (5, 1, (42, 201, 1492, 10469, 62935, 379644, 2253373, 13073811, 75152755, 428005675)),
 }
 """By code: first exponent of D, step, bit-error weights of the (133, 171) code (Frenger et al. 1999, table I)."""
+_TERMS = {
+    code: tuple((weight, 0.5 * (first + step * number)) for number, weight in enumerate(weights))
+    for code, (first, step, weights) in WEIGHT_SPECTRA.items()
+}
+"""By code: weights, and the exponents of D^2."""
 
 
 def nist_bit_error_rate(snr: FloatArray, order: int) -> FloatArray:
@@ -102,13 +107,11 @@ class OfdmNist(Smooth):
 
     def per(self, snr_db: FloatArray, length_bytes: FloatArray | float, band: Band, /) -> FloatArray:
         """Return 1 - (1 - p)^bits with the union bound p of an error event per bit."""
-        first, step, weights = WEIGHT_SPECTRA[RATES[self.rate_mbps].code]
         raw = self.ber(snr_db, band)
         squared = 4.0 * raw * (1.0 - raw)
-        exponents = first + step * np.arange(len(weights))
-        bound = np.zeros_like(squared)
-        for weight, exponent in zip(weights, exponents, strict=True):
-            bound = bound + weight * squared ** (0.5 * exponent)
+        bound: FloatArray | float = 0.0
+        for weight, exponent in _TERMS[RATES[self.rate_mbps].code]:
+            bound = bound + weight * squared**exponent
         decoded = np.minimum(bound / (2.0 * RATES[self.rate_mbps].code), 1.0)
         return packet_error(decoded, np.multiply(length_bytes, BITS_PER_BYTE))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from typing import Self
@@ -155,15 +155,17 @@ class Progress:
     def _line(self) -> str:
         states, links, since = self._look()
         parts = [self._time()]
-        parts += [_node_text(node, states[node]) for node in sorted(states)[:IN_A_LINE_MAX]]
+        parts += [_node_text(node, states[node]) for node in _in_order(states)[:IN_A_LINE_MAX]]
+        parts += _and_more(len(states), "node")
         parts += [_link_text(link, since) for link in links[:IN_A_LINE_MAX]]
+        parts += _and_more(len(links), "link")
         return "; ".join(parts)
 
     # On a terminal.
 
     def _view(self) -> RenderableType:
         states, links, since = self._look()
-        nodes = sorted({*states, *self._activity}, key=lambda node: (not node.isdecimal(), len(node), node))
+        nodes = _in_order({*states, *self._activity})
         rows = max(2, min(ROWS_MAX, (self._console.height - OTHER_LINES) // 2))
         flying = self._phase == "flies"
         seconds = "" if flying else f" ({monotonic() - self._phase_s:.0f} s)"
@@ -187,7 +189,24 @@ class Progress:
         target = "max" if math.isinf(clock.speed) else f"{clock.speed:g}"
         stalled = f", stalled: UA {', '.join(clock.stalled)}" if clock.stalled else ""
         seconds = clock.header.stamp.ns / 1e9
-        return f"sim time {seconds:7.2f} s, real-time factor {clock.real_time_factor:.1f} (target {target}){stalled}"
+        factor = _factor_text(clock.real_time_factor)
+        return f"sim time {seconds:7.2f} s, real-time factor {factor} (target {target}){stalled}"
+
+
+def _in_order(nodes: Iterable[str]) -> list[str]:
+    """UA by number, then other nodes."""
+    return sorted(nodes, key=lambda node: (not node.isdecimal(), len(node), node))
+
+
+def _and_more(count: int, what: str) -> list[str]:
+    """What a line says of those that it does not name."""
+    more = count - IN_A_LINE_MAX
+    return [f"and {more} more {what}{'s' * (more > 1)}"] if more > 0 else []
+
+
+def _factor_text(factor: float) -> str:
+    """With a decimal, or two digits that count of one below 1; 0.083 is not 0."""
+    return f"{factor:.2g}" if factor < 0.995 else f"{factor:.1f}"
 
 
 def _node_text(node: str, state: AircraftState) -> str:

@@ -46,6 +46,7 @@ class AirAccount:
             all share it, of those of the group or sender with the greatest share. None without packets.
         share: ``offered_bps`` as a share of that; if not all share it, of that group or sender.
         busiest_share: the same in the busiest `BUSY_NS`, whenever these begin.
+        is_routed: whether nodes hand packets on, of which the shares above know nothing.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
@@ -69,6 +70,7 @@ class AirAccount:
     capacity_bps: float | None
     share: float
     busiest_share: float
+    is_routed: bool
     use_share: float | None
     wait_p50_s: float | None
     wait_p95_s: float | None
@@ -86,15 +88,25 @@ class AirAccount:
     def is_overloaded(self) -> bool:
         """Whether more was offered than it can carry, and it showed: packets came that could not, or were lost."""
         if self.takes_time:
-            return self.busiest_share > 1.0 and self._lost_in_time + self.lost_overlapping > 0
+            is_too_much = self.busiest_share > 1.0 or self._is_filled_by_hops
+            return is_too_much and self._lost_in_time + self.lost_overlapping > 0
         return self.busiest_share > 1.0
+
+    @property
+    def _is_filled_by_hops(self) -> bool:
+        """Whether nodes that hand packets on, and share one air, had frames on it for longer than the run lasted."""
+        return self.is_routed and self.is_shared and self.use_share is not None and self.use_share > 1.0
 
     @property
     def remark(self) -> str:
         """For the line of a verdict."""
         told = [f"{self._network}medium {self.medium}"]
         if self.is_overloaded:
-            told.append(f"offered {self.busiest_share:.3g} times what it could carry")
+            told.append(
+                f"offered {self.busiest_share:.3g} times what it could carry"
+                if self.busiest_share > 1.0
+                else f"frames of all hops on the air for {self.use_share:.3g} times the run"
+            )
         return ", ".join([*told, *filter(None, [remark_of(self.too_long)])])
 
     @property
@@ -107,6 +119,11 @@ class AirAccount:
     def _overload(self) -> str:
         if not self.is_overloaded or self.capacity_bps is None:
             return ""
+        if self.busiest_share <= 1.0:
+            return (
+                f"{self._network}nodes hand packets on (routing), and frames of all hops were on the air of the medium "
+                f"{self.medium} for {self.use_share:.3g} times as long as the run lasted: {self._lost}"
+            )
         if self.takes_time:
             whose = "" if self.is_shared else f" of one {self.shared_by}"
             return (
@@ -164,7 +181,7 @@ def account_of(
         rows: of the network, with `lostlink.reading.air.NEEDED`, one for each receiver.
         capacity: of the network.
         end_ns: the end of the run, its last tick included.
-        on_air_ns: of all frames, where others than senders transmitted some; unless given, as the rows say.
+        on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.
     """
     offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
     waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
@@ -188,6 +205,7 @@ def account_of(
         capacity_bps=offered.capacity_bps(whole),
         share=float(offered.shares(whole)[0]),
         busiest_share=offered.busiest_share(end_ns),
+        is_routed=on_air_ns is not None,
         use_share=use,
         wait_p50_s=_number(waits, 0),
         wait_p95_s=_number(waits, 1),

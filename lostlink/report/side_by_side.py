@@ -179,11 +179,17 @@ def _setting(value: Any) -> str:
 def _link_rows(runs: list[dict[str, Any]]) -> list[Row]:
     by_run = [{(link["tx"], link["rx"]): link["delivery"] for link in run["links"]} for run in runs]
     links = list(dict.fromkeys(link for each in by_run for link in each))
-    if len(links) > LINKS_MAX:
+    left_out = len(links) - LINKS_MAX
+    if left_out > 0:
         links = sorted(links, key=lambda link: -_spread([each.get(link) for each in by_run]))[:LINKS_MAX]
-    return [
+    rows = [
         _row(f"delivery {tx} to {rx}", [share(each.get((tx, rx))) for each in by_run]) for tx, rx in links
     ]
+    if left_out > 0:
+        rows.append(
+            (f"{left_out} more links, which differ no more than these: see the JSON", [""] * len(runs), False)
+        )
+    return rows
 
 
 def _spread(shares: list[float | None]) -> float:

@@ -83,10 +83,12 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         powers=[_power(box) for box in content["powers"]["boxes"]],
         links=[_link(link) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
-        routes=[_route(route) for route in content["routes"][:LINKS_MAX]],
+        routes=[_route(route) for route in _most_used(content["routes"])],
+        routes_caption=_routes_caption(len(content["routes"])),
         routing=[row for each in content["routing"] for row in _routing(each, content["run"])],
         causes=_causes(content["totals"]),
         air=[row for each in content["air"] for row in _air(each)],
+        air_use_caption=_air_use_caption(content["air"]),
         timed=_timed(content["totals"]),
         machine=_machine(content),
         counters=[
@@ -174,6 +176,20 @@ def _worst(links: Sequence[dict[str, Any]]) -> Sequence[dict[str, Any]]:
     ]
 
 
+def _most_used(routes: Sequence[dict[str, Any]]) -> Sequence[dict[str, Any]]:
+    """All of a few links; of many those on which most packets came."""
+    if len(routes) <= LINKS_MAX:
+        return routes
+    return sorted(routes, key=lambda route: -route["delivered"])[:LINKS_MAX]
+
+
+def _routes_caption(routes: int) -> str:
+    told = "By which nodes packets came: the most used way of each link, and its share"
+    if routes <= LINKS_MAX:
+        return told
+    return f"{told}; the {LINKS_MAX} links of {routes} on which most packets came, all are in the JSON"
+
+
 def _links_caption(links: int) -> str:
     if links <= LINKS_MAX:
         return "Each directed link"
@@ -248,6 +264,23 @@ def _air(air: dict[str, Any]) -> list[Row]:
             ["of these, waiting when the run ended", count(air["waiting_at_end"])],
         ]
     return rows
+
+
+def _air_use_caption(networks: Sequence[dict[str, Any]]) -> str:
+    """What the lines of use are, and where they are missing."""
+    told = ""
+    if any(air["series"]["use_share"] is not None for air in networks):
+        told = (
+            " Use is the time in which frames are on the air, added up over senders, so that frames at once count "
+            "several times."
+        )
+    routed = [air["radio"] for air in networks if air["is_routed"] and air["takes_time"]]
+    if routed:
+        told += (
+            f" Of {', '.join(routed)} it is not drawn over time: nodes hand packets on, and the record has the sum of "
+            "all hops alone, below."
+        )
+    return told
 
 
 def _times(value: float) -> str:

@@ -170,13 +170,17 @@ def losses_chart(time_s: NDArray[Any], shares: dict[str, NDArray[Any]], look: Lo
 
 
 def air_chart(networks: Mapping[str, AirSeries], look: Look) -> Options:
-    """Share of the time in which each network's air is in use, and the mean delay on it, over sim time."""
+    """Share of the time in which each network's air is in use, where it is known, and the mean delay on it."""
     series = []
     for number, (name, air) in enumerate(networks.items()):
         thin = thinned(len(air.time_s))
         line = {"type": "line", "showSymbol": False, "color": SERIES_COLOURS[number % len(SERIES_COLOURS)]}
         series += [
-            line | {"name": f"{name}: in use", "data": points(air.time_s[thin], air.use[thin])},
+            *(
+                [line | {"name": f"{name}: in use", "data": points(air.time_s[thin], air.use[thin])}]
+                if np.isfinite(air.use).any()
+                else []
+            ),
             line
             | {
                 "name": f"{name}: delay",

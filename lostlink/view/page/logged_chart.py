@@ -38,3 +38,12 @@ def logged_chart(label: str, lines: Sequence[tuple[int, str, Series]], look: Loo
             }
         )
     return options
+
+
+def drawn_words(lines: int) -> str:
+    """How many of so many lines the chart has, if not all."""
+    return (
+        f"{LINES_MAX} of {lines} nodes that log it are drawn, the chosen one first"
+        if lines > LINES_MAX
+        else ""
+    )

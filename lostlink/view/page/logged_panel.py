@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from lostlink.view.page.charts import Look
-from lostlink.view.page.logged_chart import logged_chart
+from lostlink.view.page.logged_chart import drawn_words, logged_chart
 from lostlink.view.page.parts import chart, set_options, set_rows, table
 from lostlink.view.page.tables import LOGGED_COLUMNS, logged_rows
 from lostlink.view.picture.fleet_view import FleetView
@@ -33,6 +33,7 @@ class LoggedPanel:
         self._table = table("Logged values", LOGGED_COLUMNS, "name").props("wrap-cells")
         self._words = ui.label().classes("ll-words")
         self._chart = chart("Logged number over sim time")
+        self._drawn = ui.label().classes("ll-words")
 
     def choose(self, number: int) -> None:
         """Show what a node logged."""
@@ -48,8 +49,10 @@ class LoggedPanel:
         if labels != self._label.options:
             kept = self._label.value if self._label.value in labels else next(iter(labels), None)
             self._label.set_options(labels, value=kept)
+        lines = self._lines()
+        self._drawn.set_text(drawn_words(len(lines)))
         if look is not None:
-            set_options(self._chart, logged_chart(self._label.value or "", self._lines(), look))
+            set_options(self._chart, logged_chart(self._label.value or "", lines, look))
 
     def _lines(self) -> list[tuple[int, str, Series]]:
         """What all nodes logged under the label; the chosen node comes first."""

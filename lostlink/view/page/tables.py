@@ -121,7 +121,8 @@ def time_words(view: FleetView, *, is_record: bool) -> str:
         return words
     if view.still_s >= STILL_S:
         return f"{words}, stands still for {view.still_s:.0f} s"
-    return f"{words}, {view.clock.real_time_factor:.1f} x real time"
+    factor = view.clock.real_time_factor
+    return f"{words}, {f'{factor:.2g}' if factor < 0.995 else f'{factor:.1f}'} x real time"
 
 
 def status_words(view: FleetView, *, is_record: bool) -> str:
@@ -199,12 +200,15 @@ def losses_words(view: FleetView) -> str:
 
 
 def air_words(view: FleetView) -> str:
-    """Why nothing is known of the air."""
-    return (
-        ""
-        if view.air.networks
-        else "no frame yet: nothing was sent, or the medium is ideal, where packets take no time"
-    )
+    """Why nothing is known of the air, or of some networks delays alone."""
+    if not view.air.networks:
+        return "no frame yet: nothing was sent, or the medium is ideal, where packets take no time"
+    if routed := view.air.routed:
+        return (
+            f"{', '.join(routed)}: use and waits are left out, as nodes hand packets on (routing), and the radio's "
+            "picture has one hop of each packet alone; the run's summary and report have use_share, of all hops"
+        )
+    return ""
 
 
 def air_rows(view: FleetView) -> Rows:
@@ -219,8 +223,8 @@ def air_rows(view: FleetView) -> Rows:
             rows.append(
                 {
                     "network": name,
-                    "use": f"{100 * use:.0f} %",
-                    "waiting": f"{waiting:.1f}",
+                    "use": f"{100 * use:.0f} %" if np.isfinite(use) else "",
+                    "waiting": f"{waiting:.1f}" if np.isfinite(waiting) else "",
                     "wait": _delay(wait_s),
                     "delay": _delay(delay_s),
                 }

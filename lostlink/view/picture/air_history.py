@@ -1,11 +1,13 @@
 """The use of the air of each radio network over sim time: frames, waiting, delays. From the fates of packets.
 
 As `lostlink.reading.air` has it of a whole record: durations of distinct transmissions are added up, with the attempts
-of the packet in it that had fewest, each as long as the last.
+of the packet in it that had fewest, each as long as the last. Where nodes hand packets on, fates have the transmission
+that decided alone, and nothing of other hops and of originator messages: of such networks there are delays alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,9 +31,9 @@ class AirSeries:
 
     Attributes:
         time_s: begins of spans.
-        use: share of the time in which frames are on the air, added up over senders.
-        waiting: packets that wait to be sent, on average.
-        wait_s: mean time from when a packet enters its radio until its last attempt; NaN if none was sent.
+        use: share of the time in which frames are on the air, added up over senders. NaN where nodes hand packets on.
+        waiting: packets that wait to be sent, on average. NaN as above.
+        wait_s: mean time from when a packet enters its radio until its last attempt; NaN if none was sent, or as above.
         delay_s: mean time from the sender's stamp until arrival; NaN without an arrival.
     """
 
@@ -47,10 +49,11 @@ class AirHistory:
 
     Args:
         nodes: how many there are.
+        routed: networks whose nodes hand packets on.
     """
 
-    def __init__(self, nodes: int) -> None:
-        self._nodes = nodes
+    def __init__(self, nodes: int, routed: Set[str] = frozenset()) -> None:
+        self._nodes, self._routed = nodes, routed
         self._sums: dict[str, Floats] = {}
         self._newest_ns: dict[str, NDArray[np.int64]] = {}
         """By network and sender: when the newest frame started. A radio sends one frame after the other."""
@@ -61,6 +64,11 @@ class AirHistory:
     def networks(self) -> list[str]:
         """Those that have had a frame, by name."""
         return sorted(self._sums)
+
+    @property
+    def routed(self) -> list[str]:
+        """Those of them whose nodes hand packets on, by name."""
+        return [name for name in self.networks if name in self._routed]
 
     def take(self, fates: Fates) -> None:
         """Take what became of the packets of a tick."""
@@ -115,6 +123,8 @@ class AirHistory:
         spans = np.arange(max(self._begin_ns, 0) // self._span_ns, self._end_ns // self._span_ns)
         span_s = self._span_ns / 1e9
         sums = self._sums.get(network, np.zeros((5, SPANS_MAX)))[:, spans]
+        if network in self._routed:
+            sums[[AIR_S, WAITS_S]] = np.nan
         return AirSeries(
             np.asarray(spans * span_s, dtype=np.float64),
             sums[AIR_S] / span_s,

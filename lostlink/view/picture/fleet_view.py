@@ -6,7 +6,7 @@ It is an observer's picture: what was published before somebody looked is not in
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Fates, Links, Message, Truth, Truths
 from bridge.scenario.model import Scenario
+from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.radio import config_of
+from channel.routing.settings import NoRouting
 from lostlink.view.picture.air_history import AirHistory
 from lostlink.view.picture.link_history import LinkHistory
 from lostlink.view.picture.logged import Logged
@@ -79,6 +82,7 @@ class FleetView:
         duration_s: sim time at which the run ends at the latest.
         emitters: of the scenario.
         now_s: wall time, by which sim time may stand still.
+        routed: radio networks whose nodes hand packets on.
     """
 
     def __init__(
@@ -87,6 +91,7 @@ class FleetView:
         duration_s: float,
         emitters: Sequence[EmitterInfo] = (),
         now_s: Callable[[], float] = lambda: 0.0,
+        routed: Set[str] = frozenset(),
     ) -> None:
         self.nodes = tuple(nodes)
         self.emitters = tuple(emitters)
@@ -94,6 +99,7 @@ class FleetView:
         self.index = {node.id: number for number, node in enumerate(self.nodes)}
         self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
         self._now_s = now_s
+        self._routed = routed
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
@@ -169,7 +175,7 @@ class FleetView:
     def look_anew(self) -> None:
         """Forget what is followed only while somebody looks: what came between was not seen."""
         self.losses = Losses(len(self.nodes))
-        self.air = AirHistory(len(self.nodes))
+        self.air = AirHistory(len(self.nodes), self._routed)
         self.trail.clear()
         self._trail_ns = -TRAIL_PERIOD_NS
 
@@ -236,4 +242,19 @@ def view_of(scenario: Scenario, now_s: Callable[[], float] = lambda: 0.0) -> Fle
     ]
     order = {node: number for number, node in enumerate(scenario.stations)}
     emitters = [EmitterInfo(each.node, each.frequency_hz, each.power_dbm) for each in scenario.emitters]
-    return FleetView(sorted(nodes, key=lambda node: order[node.id]), scenario.duration_s, emitters, now_s)
+    return FleetView(
+        sorted(nodes, key=lambda node: order[node.id]),
+        scenario.duration_s,
+        emitters,
+        now_s,
+        frozenset(_routed(scenario)),
+    )
+
+
+def _routed(scenario: Scenario) -> Iterator[str]:
+    """Radio networks whose nodes hand packets on; nodes of one have one way of routing."""
+    first = next((node.radio for node in scenario.transceivers), None)
+    for name in scenario.network_names:
+        setting = (first or scenario.radio) if name == MAIN else scenario.networks[name]
+        if not isinstance(config_of(setting).routing, NoRouting):
+            yield name

@@ -58,10 +58,11 @@ def test_the_router_and_agents_are_measured(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_media_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
-    bench_media.main(["--nodes", "4", "--duration", "2", "--rounds", "1"])
+    bench_media.main(["--nodes", "4", "--mesh-nodes", "4", "--duration", "2", "--rounds", "1"])
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["saturated"]["events_per_s"] > 0
     assert found["fleet"]["receptions_per_s"] > 0
+    assert found["mesh"]["receptions_per_s"] > 0
 
 
 @pytest.mark.slow

@@ -82,6 +82,46 @@ def test_a_line_says_of_a_link_whose_radio_is_off_that_it_is() -> None:
     ]
 
 
+def test_a_line_says_how_many_it_leaves_out() -> None:
+    """UA by number, then others."""
+    nodes = ("gcs", *map(str, range(11)))
+    ends = [(tx, rx) for tx in range(12) for rx in range(12) if tx != rx][:5]
+    tx, rx = zip(*ends, strict=True)
+    numbers = [1.0] * 5
+    shown, output = of_lines()
+    assert shown.glance is not None
+    shown.glance.links_came(Links(Header.at(0, ""), nodes, tx, rx, *[numbers] * 4, [4] * 5, [4] * 5, ()))
+    for node in nodes:
+        shown.glance.state_came(node, AircraftState(Header.at(0, node), mode="GUIDED"))
+    with shown:
+        shown.on_message(clock(0.05))
+    parts = output.getvalue().splitlines()[0].split("; ")
+    assert [part.split(" GUIDED")[0] for part in parts[1:6]] == [
+        "UA 0",
+        "UA 1",
+        "UA 2",
+        "UA 3",
+        "and 8 more nodes",
+    ]
+    assert [part.split(":")[0] for part in parts[6:]] == [
+        "gcs -> 0",
+        "gcs -> 1",
+        "gcs -> 2",
+        "gcs -> 3",
+        "and 1 more link",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(0.0834, "0.083"), (0.5, "0.5"), (0.996, "1.0"), (1.0, "1.0"), (12.34, "12.3")]
+)
+def test_a_slow_run_is_not_said_to_stand_still(factor: float, text: str) -> None:
+    shown, output = of_lines()
+    with shown:
+        shown.on_message(Clock(Header.at(S, ""), 1.0, factor))
+    assert f"real-time factor {text} (target 1)" in output.getvalue()
+
+
 def test_phases_and_agents_have_lines() -> None:
     shown, output = of_lines()
     with shown:

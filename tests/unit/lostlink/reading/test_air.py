@@ -34,6 +34,7 @@ MOON_BPS = 20e6
 IDEAL = "{preset: telemetry-915, medium: {model: ideal}}"
 TDMA = "{preset: telemetry-915, medium: {model: tdma, slot_s: 0.1, guard_s: 0.01}}"
 AIRTIME = "{preset: telemetry-915, medium: {model: airtime, preamble_s: 0.002, header_bytes: 12}}"
+CSMA = "{preset: telemetry-915, medium: {model: csma, channels: {}}}"
 SIK = "{preset: telemetry-915}"
 ELRS = "{preset: elrs-2.4-333full}"
 DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000}}"
@@ -310,6 +311,36 @@ def test_where_no_node_waits_too_much_shows_by_frames_that_overlap(fate: str, wa
     assert account.remark.startswith("medium airtime, offered" if warns else "medium airtime")
     waits = account_of(rows(*({"seq": seq, "fate": "collided"} for seq in range(200))), capacity(TDMA), S)
     assert (waits.lost_overlapping, waits.warnings) == (0, [])
+
+
+@pytest.mark.parametrize(
+    ("fate", "on_air_s", "radio", "warns"),
+    [
+        ("queue_full", 1.35, CSMA, True),
+        ("queue_full", 0.99, CSMA, False),
+        ("delivered", 1.35, CSMA, False),
+        ("run_ended", 1.35, CSMA, False),
+        ("queue_full", 1.35, CSMA.replace("{}", "{'2': 5}"), False),
+    ],
+)
+def test_hops_that_fill_the_air_are_warned_of_if_it_shows(
+    fate: str, on_air_s: float, radio: str, warns: bool
+) -> None:
+    """A few packets, which others hand on: what was offered was far below what the medium carries."""
+    account = account_of(rows({}, {"seq": 1, "fate": fate}), capacity(radio), S, round(on_air_s * S))
+    assert account.is_routed
+    assert account.busiest_share < 0.2
+    assert account.warnings == (
+        [
+            "nodes hand packets on (routing), and frames of all hops were on the air of the medium csma for 1.35 times "
+            "as long as the run lasted: 1 receptions were lost for want of time on the air"
+        ]
+        if warns
+        else []
+    )
+    told = ", frames of all hops on the air for 1.35 times the run" if warns else ""
+    assert account.remark == f"medium csma{told}"
+    assert not account_of(rows({}), capacity(radio), S).is_routed
 
 
 def test_packets_that_are_too_long_are_warned_of_with_what_to_do() -> None:

@@ -160,6 +160,41 @@ def test_of_many_links_the_worst_are_listed(tmp_path: Path):
     assert f">{worst['tx']} to {worst['rx']}<" in text
 
 
+def test_of_many_links_the_ways_of_those_with_most_packets_are_told(content: dict[str, Any]) -> None:
+    routes = [
+        {"radio": "main", "tx": str(number), "rx": "gcs", "delivered": number, "hops_mean": 1.0, "changes": 0}
+        | {"way": [str(number)], "share": 1.0}
+        for number in range(LINKS_MAX + 30)
+    ]
+    text = page_of(content | {"routes": routes}, {})
+    listed = re.findall(r"<th scope=\"row\">(\d+) to gcs</th>", text.split("By which nodes packets came")[-1])
+    assert listed == [str(number) for number in reversed(range(30, LINKS_MAX + 30))]
+    told = "By which nodes packets came: the most used way of each link, and its share"
+    assert (
+        f"{told}; the {LINKS_MAX} links of {LINKS_MAX + 30} on which most packets came, all are in the JSON"
+        in text
+    )
+    few = page_of(content | {"routes": routes[:2]}, {})
+    assert f"<caption>{told}</caption>" in few
+
+
+def test_use_is_explained_where_it_is_drawn(content: dict[str, Any], pictures: dict[str, str]) -> None:
+    [air] = content["air"]
+    drawn = air | {"takes_time": True, "series": air["series"] | {"use_share": [0.1]}}
+    use, routed = (
+        "Use is the time in which frames are on the air",
+        "it is not drawn over time: nodes hand packets on",
+    )
+    for networks, has in (
+        ([air], (False, False)),
+        ([drawn], (True, False)),
+        ([air | {"takes_time": True, "is_routed": True}], (False, True)),
+        ([air | {"takes_time": True, "is_routed": True}, drawn], (True, True)),
+    ):
+        text = page_of(content | {"air": networks}, pictures)
+        assert (use in text, f"Of main {routed}" in text) == has
+
+
 @pytest.mark.parametrize("ticks", [0, 1])
 def test_a_run_that_hardly_began(tmp_path: Path, ticks: int):
     path = flown(tmp_path / "run", scenario_of("moon2020", ("0", "1")), ticks=ticks, killed=True)

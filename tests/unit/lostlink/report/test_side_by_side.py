@@ -14,7 +14,14 @@ from click.testing import CliRunner, Result
 from bridge.record.digests import digest_line
 from lostlink.cli.records.compare import compare
 from lostlink.reading.run import load_run
-from lostlink.report.side_by_side import SETTINGS_MAX, comparison_page, sameness, side_by_side, table_of
+from lostlink.report.side_by_side import (
+    LINKS_MAX,
+    SETTINGS_MAX,
+    comparison_page,
+    sameness,
+    side_by_side,
+    table_of,
+)
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 
@@ -95,6 +102,30 @@ def test_many_settings_are_cut(runs: list[Path]):
     names = [name for name, _, _ in table_of(many)]
     assert "5 more settings: see the JSON" in names
     assert f"key{SETTINGS_MAX}" not in names
+
+
+def test_links_that_are_left_out_are_told(runs: list[Path]) -> None:
+    """Of 25 links one differs: it is there, and the table says how many are not."""
+    content = side_by_side([load_run(path) for path in runs[:2]])
+    columns = [
+        column
+        | {
+            "links": [
+                {"tx": str(i), "rx": "gcs", "delivery": 0.5 if i == 24 and number else 1.0} for i in range(25)
+            ]
+        }
+        for number, column in enumerate(content["runs"])
+    ]
+    rows = table_of(content | {"runs": columns})
+    told = [row for row in rows if row[0].startswith("delivery ")]
+    assert len(told) == LINKS_MAX
+    assert told[0] == ("delivery 24 to gcs", ["100.0 %", "50.0 %"], True)
+    assert rows[-2] == (
+        f"{25 - LINKS_MAX} more links, which differ no more than these: see the JSON",
+        ["", ""],
+        False,
+    )
+    assert not any("more links" in name for name, _, _ in table_of(content))
 
 
 def test_page_asks_for_nothing(runs: list[Path]):

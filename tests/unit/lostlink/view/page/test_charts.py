@@ -18,7 +18,7 @@ from lostlink.view.page.charts import (
     losses_chart,
     matrix_chart,
 )
-from lostlink.view.page.logged_chart import LINES_MAX, logged_chart
+from lostlink.view.page.logged_chart import LINES_MAX, drawn_words, logged_chart
 from lostlink.view.page.tables import (
     agent_rows,
     emitter_rows,
@@ -254,6 +254,11 @@ def test_a_logged_number_has_a_line_per_node() -> None:
     assert [line["name"] for line in options["series"]] == [f"UA {place}" for place in range(LINES_MAX)]
     assert len(options["series"][0]["data"]) <= POINTS_MAX
     assert options["series"][0]["data"][-1] == [1999.0, None]
+    assert (
+        drawn_words(len(lines))
+        == f"{LINES_MAX} of {LINES_MAX + 3} nodes that log it are drawn, the chosen one first"
+    )
+    assert drawn_words(LINES_MAX) == ""
     looks = {(line["color"], line["symbol"]) for line in options["series"]}
     assert len(looks) == LINES_MAX
     json.dumps(options, allow_nan=False)

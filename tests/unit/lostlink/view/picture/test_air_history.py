@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from lostlink.view.picture.fleet_view import view_of
 from lostlink.view.sources.record import RecordSource
 from tests.unit.lostlink.replay.flown import everybody, flown, scenario_of
 
+TWO = "networks: {tele: xbee-900hp}\n"
 MS = 1_000_000
 NS = 1_000_000_000
 DELIVERED, COLLIDED = FATES.index("delivered"), FATES.index("collided")
@@ -66,6 +68,28 @@ def test_frames_count_once_whoever_hears_them_and_each_attempt_as_long_as_the_la
     assert series.waiting.tolist() == pytest.approx([0.01 + 0.03, 0.2])
     assert series.wait_s.tolist() == pytest.approx([0.02, 0.2])
     assert series.delay_s.tolist() == pytest.approx([(0.061 + 0.131 + 0.061) / 3, 0.301])
+
+
+def test_where_nodes_hand_packets_on_delays_alone_are_told() -> None:
+    """A fate has the hop that decided: of the others' frames, and of their waits, nothing is known."""
+    view = view_of(scenario_of("{preset: wifi-2.4, routing: mesh}", ("0", "1", "gcs"), extra=TWO))
+    rows = ((0, 1, DELIVERED, 100, 110, 160, 1),)
+    view.take(replace(settled(0.5, *rows), network=("tele", "main")))
+    view.take(replace(settled(1.6, (1, 0, DELIVERED, 1000, 1100, 1200, 1)), network=("main", "tele")))
+    assert (view.air.networks, view.air.routed) == (["main", "tele"], ["main"])
+    hops, alone = view.air.series("main"), view.air.series("tele")
+    for unknown in (hops.use, hops.waiting, hops.wait_s):
+        assert np.isnan(unknown).all()
+    assert hops.delay_s.tolist() == pytest.approx([0.061])
+    assert np.isfinite(alone.use).all()
+    row, _ = air_rows(view)
+    assert (row["use"], row["waiting"], row["wait"], row["delay"]) == ("", "", "", "0.061")
+    assert air_words(view).startswith("main: use and waits are left out, as nodes hand packets on (routing)")
+    chart = air_chart({"main": hops, "tele": alone}, LIGHT)
+    assert [line["name"] for line in chart["series"]] == ["main: delay", "tele: in use", "tele: delay"]
+    view.look_anew()
+    view.take(replace(settled(0.5, *rows), network=("tele", "main")))
+    assert view.air.routed == ["main"]
 
 
 def test_sums_widen_and_nothing_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
