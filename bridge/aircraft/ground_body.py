@@ -6,11 +6,8 @@ from collections.abc import Sequence
 
 from aps.inputs import Input
 from bridge.aircraft.body import OnEvent
-from bridge.bus.messages import AircraftState, CommandEvent, CommandGoal, Header, Vector3
+from bridge.bus.messages import GROUND_MODE, AircraftState, CommandEvent, CommandGoal, Header, Vector3
 from bridge.scenario.resolve.ground_track import GroundTrack
-
-GROUND = "GROUND"
-"""The mode of what has no autopilot."""
 
 
 class GroundBody:
@@ -54,7 +51,7 @@ class GroundBody:
             altitude_rel_m=-place.position_ned_m[2],
             position_ned_m=Vector3(*place.position_ned_m),
             velocity_ned_mps=Vector3(*place.velocity_ned_mps),
-            mode=GROUND,
+            mode=GROUND_MODE,
         )
 
     def start(self, verb: str, goal: CommandGoal, on_event: OnEvent) -> None:  # noqa: ARG002

@@ -13,8 +13,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from bridge.aircraft.ground_body import GROUND
-from bridge.bus.messages import AgentStatus, AircraftState, Clock, Message
+from bridge.bus.messages import GROUND_MODE, AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
@@ -215,7 +214,7 @@ def _node_text(node: str, state: AircraftState) -> str:
         for value, unit in ((state.altitude_rel_m, "m"), (state.groundspeed_mps, "m/s"))
         if math.isfinite(value)
     ]
-    who = f"node {node}" if state.mode == GROUND else f"UA {node}"
+    who = f"node {node}" if state.mode == GROUND_MODE else f"UA {node}"
     return " ".join([who, state.mode or "unheard", *told])
 
 

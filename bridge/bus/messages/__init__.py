@@ -2,6 +2,7 @@
 
 from bridge.bus.messages.codec import DecodeError, decode, encode, encoding_of
 from bridge.bus.messages.types import (
+    GROUND_MODE,
     AgentStatus,
     AircraftState,
     Clock,
@@ -29,6 +30,7 @@ from bridge.bus.messages.types import (
 )
 
 __all__ = [
+    "GROUND_MODE",
     "AgentStatus",
     "AircraftState",
     "Clock",

@@ -85,6 +85,10 @@ class Quaternion(Message):
     w: float = 1.0
 
 
+GROUND_MODE = "GROUND"
+"""`AircraftState.mode` of a node that has no autopilot."""
+
+
 @dataclass(frozen=True, slots=True)
 class AircraftState(Message):
     """State of one UA as its autopilot reports it (Moon et al. 2020, Table I)."""
