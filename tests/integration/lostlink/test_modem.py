@@ -157,6 +157,7 @@ async def test_a_pseudo_terminal(modem_link: ModemLinks) -> None:
         os.close(line)
 
 
+@pytest.mark.slow
 async def test_a_host_that_floods_waits_and_loses_nothing(modem_link: ModemLinks) -> None:
     """Without a limit of the air, TCP hosts are held back by their line, as at a UART: all bytes come, at its rate."""
     loop = asyncio.get_running_loop()

@@ -59,6 +59,7 @@ async def until(is_so: Callable[[], bool]) -> None:
             await asyncio.sleep(0.01)
 
 
+@pytest.mark.slow
 async def test_what_came_while_nobody_looked_is_not_counted_as_seen(record: Path, tmp_path: Path) -> None:
     with replayed(record, tmp_path) as place:
         async with looked_at(place) as (source, view):
@@ -77,6 +78,7 @@ async def test_what_came_while_nobody_looked_is_not_counted_as_seen(record: Path
             assert view.losses.total.total() <= 6 * (ticks + 1), "six fates a tick"
 
 
+@pytest.mark.slow
 async def test_a_replay_that_begins_anew_is_shown_anew(record: Path, tmp_path: Path) -> None:
     with replayed(record, tmp_path, "--from", "5", "--to", "7", "--loop") as place:
         async with looked_at(place) as (source, view):

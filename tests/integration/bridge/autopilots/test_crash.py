@@ -25,6 +25,7 @@ class Felled(Agent):
 
 
 @pytest.mark.parametrize("airframe", ["f450", pytest.param("hexa550", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_copter_that_is_disarmed_at_15_m_comes_to_rest(
     start_run: StartRun, tmp_path: Path, airframe: str
 ) -> None:

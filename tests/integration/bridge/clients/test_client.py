@@ -101,6 +101,7 @@ async def test_a_tick_comes_in_the_order_on_board_whatever_the_order_on_the_wire
     ]
 
 
+@pytest.mark.slow
 async def test_a_wait_is_as_long_as_it_says_whenever_a_script_joined(router: Guarded) -> None:
     async with connect_ua(RUN, "1", access=access_to(router)) as ua:
         waiting = asyncio.create_task(ua.wait_for(lambda _: False, timeout_s=5.0))
@@ -135,6 +136,7 @@ async def joined(ua: UaClient, session: Session) -> None:
 
 
 @pytest.mark.parametrize("is_killed", [False, True])
+@pytest.mark.slow
 async def test_what_a_script_waits_for_ends_with_the_run(router: Guarded, is_killed: bool) -> None:
     """A run says that it is over, or its router is gone without a word."""
     router.session.declare_alive(KEYS.alive("router"))

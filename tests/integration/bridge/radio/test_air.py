@@ -214,6 +214,7 @@ def test_a_unicast_of_802_11_is_acknowledged_or_given_up_and_its_sender_learns_i
     assert balances(run)
 
 
+@pytest.mark.slow
 def test_six_on_a_telemetry_radio_get_what_the_air_carries(flown: Flown) -> None:
     """200 packets a second of 1400 B from each of six: 13.4 Mb/s offered to 64 kb/s, in turns."""
     nodes = [node(n, 20.0 * n, period_s=0.05, count=10, size=1400) for n in range(6)]
@@ -377,6 +378,7 @@ def test_sik_radios_are_pairs_by_id_and_what_does_not_fit_in_a_frame_takes_sever
     assert balances(run)
 
 
+@pytest.mark.slow
 def test_two_sik_radios_that_are_busy_share_the_time_as_their_firmware_reckons(flown: Flown) -> None:
     """64 kb/s and a stream of bytes: by simulating the firmware's arithmetic apart from this code 3240 B/s each."""
     nodes = [node(n, 50.0 * n, period_s=0.05, count=2, size=100) for n in range(2)]

@@ -39,6 +39,7 @@ def flown(tmp_path: Path, free_slot: Callable[[int], int]) -> Callable[[Any], Ru
     return flown
 
 
+@pytest.mark.slow
 def test_more_than_a_radio_can_carry_is_warned_of_with_ideal(flown: Callable[[Any], Run]) -> None:
     """Eleven megabits a second over 64 kb/s passed without a word."""
     run = flown({"preset": "telemetry-915", "medium": {"model": "ideal"}})

@@ -118,6 +118,7 @@ def test_one_process_is_one(tmp_path: Path, free_slot: Callable[[int], int]) -> 
     assert summary["counters"]["physics"]["ua 0 frames"] > 0
 
 
+@pytest.mark.slow
 def test_forked_from_the_command_or_started_anew_it_is_the_same_run(
     tmp_path: Path, free_slot: Callable[[int], int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

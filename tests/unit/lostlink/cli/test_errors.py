@@ -50,6 +50,7 @@ def test_help_ends_well(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     "arguments", [("judge",), ("compare", "--metrics"), ("report",), ("export", "--csv")]
 )
+@pytest.mark.slow
 def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str, ...], tmp_path: Path):
     run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")))
     reads, writes = os.pipe()
