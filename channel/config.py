@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from channel.access.settings.base import Ideal
 from channel.access.settings.elrs import ElrsMedium
-from channel.access.settings.medium import MediumSettings, name_of
+from channel.access.settings.medium import MediumSettings
 from channel.access.settings.sik import SikMedium
 from channel.antenna import AntennaModel, HalfWaveDipole, Isotropic, Pattern, Polarisation, Sector
 from channel.fading.bursts import GilbertElliott, NoBursts
@@ -43,7 +43,7 @@ from channel.propagation.path_loss import FreeSpace, LogDistance, NoPathLoss, Pa
 from channel.propagation.terrain import Terrain
 from channel.propagation.two_ray import TwoRay, TwoSlope
 from channel.routing.settings import NoRouting, RoutingSettings
-from channel.variant import Variant, called
+from channel.variant import Variant, called, name_of
 from sitl_configs.settings import Settings, refused
 
 LAWS = ("propagation", "atmosphere", "shadowing", "fading", "noise", "bursts", "error", "antenna")

@@ -75,7 +75,7 @@ def own_models(
             raise
         except (
             Exception
-        ) as error:  # of its author's validators or properties; or a class that is not defined in full
+        ) as error:  # its author's validators or properties raise, or it is not defined in full
             raise ValueError(told(error, key[1])) from error
         model._own_key = key
         return model

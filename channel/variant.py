@@ -16,8 +16,11 @@ class Variant(Settings):
     """Of a user's model: `model` or `class`, and its value; see `own`."""
 
 
-def called(model: Variant) -> str:
-    """Return what a model is called: by its `model` key, or of a user's own file and class."""
-    if model._own_key is not None:
-        return Path(model._own_key[1]).name
+def name_of(model: Variant) -> str:
+    """Return what a model is called: by its `model` key, or of a user's own by its class."""
     return str(getattr(model, "model", type(model).__name__))
+
+
+def called(model: Variant) -> str:
+    """Return the same, of a user's own with its file."""
+    return name_of(model) if model._own_key is None else Path(model._own_key[1]).name

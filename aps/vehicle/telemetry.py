@@ -32,8 +32,8 @@ _LANDED: Final = ("undefined", "on_ground", "in_air", "takeoff", "landing")
 
 _HEARTBEAT: Final = 0
 _IN_HEARTBEAT: Final = ("vehicle_type", "autopilot", "mode", "base_mode", "armed", "system_status")
-_CLOCKS: Final = (2, 30, 32, 33)
-"""Ids of the messages that carry the autopilot's clock."""
+CLOCKS: Final = {2: 8, 30: 0, 32: 0, 33: 0}
+"""Ids of the messages that carry the autopilot's clock, and where in their payloads."""
 NS_PER_MS: Final = 1_000_000
 
 _ARMED: Final = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
@@ -163,7 +163,7 @@ class Telemetry:
         """Forget all but a heartbeat that the new boot has sent before this, its first message with a clock."""
         self.reboots += 1
         told, heard_ns = self._values, self._heard_ns.get(_HEARTBEAT)
-        clock_ns = max(self._heard_ns.get(msg_id, -1) for msg_id in _CLOCKS)
+        clock_ns = max(self._heard_ns.get(msg_id, -1) for msg_id in CLOCKS)
         self.forget()
         if heard_ns is not None and heard_ns > max(clock_ns, self._now_ns - time_boot_ms * NS_PER_MS):
             self._values.update((name, told[name]) for name in _IN_HEARTBEAT)

@@ -17,7 +17,7 @@ from bridge.bus.messages import GROUND_MODE, AgentStatus, AircraftState, Clock, 
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
-from lostlink.flight.say import say
+from lostlink.flight.say import factor_text, say
 
 REFRESH_PER_S = 2
 LINE_PERIOD_S = LOG_PERIOD_S
@@ -188,7 +188,7 @@ class Progress:
         target = "max" if math.isinf(clock.speed) else f"{clock.speed:g}"
         stalled = f", stalled: UA {', '.join(clock.stalled)}" if clock.stalled else ""
         seconds = clock.header.stamp.ns / 1e9
-        factor = _factor_text(clock.real_time_factor)
+        factor = factor_text(clock.real_time_factor)
         return f"sim time {seconds:7.2f} s, real-time factor {factor} (target {target}){stalled}"
 
 
@@ -201,11 +201,6 @@ def _and_more(count: int, what: str) -> list[str]:
     """What a line says of those that it does not name."""
     more = count - IN_A_LINE_MAX
     return [f"and {more} more {what}{'s' * (more > 1)}"] if more > 0 else []
-
-
-def _factor_text(factor: float) -> str:
-    """With a decimal, or two digits that count of one below 1; 0.083 is not 0."""
-    return f"{factor:.2g}" if factor < 0.995 else f"{factor:.1f}"
 
 
 def _node_text(node: str, state: AircraftState) -> str:

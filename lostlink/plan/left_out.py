@@ -10,10 +10,10 @@ from bridge.scenario.nodes import MAIN, AutopilotName
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Ideal
-from channel.access.settings.medium import name_of
 from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
 from channel.propagation.air_to_ground import RmaAv, UmaAv
+from channel.variant import name_of
 from fdm.air.wind import WindConfig
 from fdm.model.sensor_noise import SensorNoise
 

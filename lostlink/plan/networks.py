@@ -16,10 +16,11 @@ from bridge.scenario.resolve.radio import radios_of
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.settings.csma import CsmaMedium
 from channel.access.settings.elrs import ElrsMedium
-from channel.access.settings.medium import MediumSettings, name_of
+from channel.access.settings.medium import MediumSettings
 from channel.access.settings.sik import SikMedium
 from channel.network.crossing import Crossing
 from channel.phy.error_model import Lossless
+from channel.variant import name_of
 
 RATES_APART = 1.01
 """Factor between two rates that are not the same rate rounded."""

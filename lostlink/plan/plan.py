@@ -16,9 +16,9 @@ from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, Transceiver
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
-from channel.access.settings.medium import name_of
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
+from channel.variant import name_of
 from lostlink.plan.flow import overflows
 from lostlink.plan.held import held_back
 from lostlink.plan.late import too_late

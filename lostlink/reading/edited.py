@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,8 +22,8 @@ def radio_files(scenario: Scenario) -> dict[str, str]:
     return {str(path): digest_if_readable(path) for path in sorted(named.files)}
 
 
-def edited_radio_files(run: Path, scenario: Scenario) -> list[str]:
-    """Those that are others now than the record in ``run`` says, as sentences.
+def edited_files(run: Path, files: Mapping[str, str]) -> list[str]:
+    """Those that are others now (SHA-256 by path) than the record in ``run`` says, as sentences.
 
     Raises:
         OSError, ValueError: what made the record cannot be read.
@@ -33,7 +33,7 @@ def edited_radio_files(run: Path, scenario: Scenario) -> list[str]:
         return []
     return [
         f"{path} is another than that of the record"
-        for path, digest in radio_files(scenario).items()
+        for path, digest in files.items()
         if made.files.get(path, digest) != digest
     ]
 

@@ -11,8 +11,8 @@ radio takes is its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,7 +45,7 @@ from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
 from channel.network.network import RadioRoute
-from lostlink.reading.edited import edited_radio_files
+from lostlink.reading.edited import edited_files, radio_files
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
@@ -73,7 +73,8 @@ class Redecision:
         facts: what is known of the packets.
         books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
         routes: that changed, each with the name of its network, tick by tick.
-        edited: files of its radios that are others now than when the run was flown, as sentences.
+        files: that its radios name, with their SHA-256.
+        edited: those that are others now than when the run was flown, as sentences.
     """
 
     run: Path
@@ -83,6 +84,7 @@ class Redecision:
     facts: PacketFacts
     books: tuple[Books, ...]
     routes: tuple[tuple[str, RadioRoute], ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
     edited: tuple[str, ...] = ()
 
     @property
@@ -201,8 +203,9 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
     routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
-    books, edited = tuple(each.books for each in anew), tuple(edited_radio_files(run, scenario))
-    return Redecision(run, scenario, before, after, facts, books, tuple(routes), edited)
+    books, files = tuple(each.books for each in anew), radio_files(scenario)
+    edited = tuple(edited_files(run, files))
+    return Redecision(run, scenario, before, after, facts, books, tuple(routes), files, edited)
 
 
 class _Progress:

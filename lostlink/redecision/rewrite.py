@@ -14,7 +14,6 @@ from bridge.record.tables.deliveries import DELIVERIES, DeliveryWriter, Vocabula
 from bridge.record.tables.every import TABLES, finish_tables
 from bridge.record.tables.routes import ROUTES, RouteWriter
 from bridge.run.directory import LOG_FOLDER, RunDirectory
-from lostlink.reading.edited import radio_files
 from lostlink.redecision.redecide import Redecision
 
 ROWS_AT_ONCE = 1 << 13
@@ -62,8 +61,7 @@ def write_run(
             copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, copy)
     if flown := read_provenance(result.run):
-        files = flown.files | radio_files(result.scenario)
-        write_provenance(replace(flown, files=files), directory)
+        write_provenance(replace(flown, files={**flown.files, **result.files}), directory)
     write_ledger(directory / LEDGER, result.books, {})
     if result.is_routed:
         radios = [each.radio for each in result.books if each.routing is not None]

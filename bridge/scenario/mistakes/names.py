@@ -22,7 +22,7 @@ from bridge.scenario.resolve.flight import airframe_of, origin_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from
 from bridge.scenario.resolve.sensing import check_antenna
 from channel.access.settings.base import Ideal, Surroundings
-from channel.access.settings.medium import name_of, rate_mistake
+from channel.access.settings.medium import rate_mistake
 from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
@@ -33,6 +33,7 @@ from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from channel.routing.settings import router_of
 from channel.validity import OUTSIDE_KEY
+from channel.variant import name_of
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WeatherError, WindError
 from fdm.model.geodesy import geodetic_from_ned

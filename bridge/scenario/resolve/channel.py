@@ -13,7 +13,7 @@ from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Ideal, Surroundings
-from channel.access.settings.medium import MediumSettings, carriers_of, name_of, rate_mistake
+from channel.access.settings.medium import MediumSettings, carriers_of, rate_mistake
 from channel.access.world import World
 from channel.draws import Draws
 from channel.link.radio import Radio
@@ -28,6 +28,7 @@ from channel.network.network import Network
 from channel.presets import PresetError
 from channel.routing.routed import RoutingCounts
 from channel.routing.settings import RoutingSettings, router_of
+from channel.variant import name_of
 
 Watch = Callable[[Medium, LinkWorld], World]
 """Puts a world in front of a network's, that looks on."""

@@ -18,7 +18,7 @@ from channel.access.settings.sik import SikMedium
 from channel.access.settings.tdma import TdmaMedium
 from channel.own import own_models
 from channel.own_methods import Made, Method, Numbers
-from channel.variant import Variant
+from channel.variant import name_of
 
 METHODS: Final[Mapping[str, Method]] = {
     "open": Made(AccessMedium),
@@ -29,11 +29,6 @@ MediumSettings = Annotated[
     Field(discriminator="model"),
     *own_models("medium", "takes_time", "open", "capacity_bps", methods=METHODS),
 ]
-
-
-def name_of(settings: Variant) -> str:
-    """What a medium, or another choice by name, is called: of one's own by its class."""
-    return str(getattr(settings, "model", type(settings).__name__))
 
 
 def rate_mistake(settings: MediumSettings, first_bps: float, other_bps: float) -> str:

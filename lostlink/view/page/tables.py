@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from bridge.bus.messages import AircraftState
+from lostlink.flight.say import factor_text
 from lostlink.view.picture.fleet_view import FleetView
 
 Rows = list[dict[str, Any]]
@@ -121,8 +122,7 @@ def time_words(view: FleetView, *, is_record: bool) -> str:
         return words
     if view.still_s >= STILL_S:
         return f"{words}, stands still for {view.still_s:.0f} s"
-    factor = view.clock.real_time_factor
-    return f"{words}, {f'{factor:.2g}' if factor < 0.995 else f'{factor:.1f}'} x real time"
+    return f"{words}, {factor_text(view.clock.real_time_factor)} x real time"
 
 
 def status_words(view: FleetView, *, is_record: bool) -> str:

@@ -14,6 +14,7 @@ from aps.timeouts import REBOOT_STEP_MS
 from aps.vehicle.missions.items import MissionItem
 from aps.vehicle.missions.overheard import OVERHEARD, Overheard
 from aps.vehicle.status_text import STATUSTEXT_ID, StatusText, StatusTextAssembler
+from aps.vehicle.telemetry import CLOCKS
 from aps.wire.dialect import ARDUPILOT, AUTOPILOT_COMPID, enum_label, mavlink, message_fields
 from aps.wire.framer import Frame
 
@@ -28,8 +29,6 @@ _TOLD: Final = {
     _HOME: slice(0, 12),  # latitude, longitude, altitude
 }
 """Messages that come again and again, and the bytes of their payloads that matter here."""
-_CLOCKS: Final = {2: 8, 30: 0, 32: 0, 33: 0}
-"""Messages that carry the autopilot's clock, and where in their payloads."""
 _WRAPPED_MS: Final = 1 << 31
 """A clock of 32 bits that falls by more than this began anew without a reboot."""
 Fields = Mapping[str, Any]
@@ -62,7 +61,7 @@ class Sieve:
             return frame.msg_id in OVERHEARD or frame.msg_id == _COMMAND_INT
         if frame.compid != AUTOPILOT_COMPID:
             return False
-        place = _CLOCKS.get(frame.msg_id)
+        place = CLOCKS.get(frame.msg_id)
         if place is not None:
             return self._shows_reboot(frame.payload.ljust(place + 4, b"\0")[place : place + 4])
         told = _TOLD.get(frame.msg_id)
@@ -131,7 +130,7 @@ class Onboard:
         self._add(sim_time_ns, self._chunks.overdue(sim_time_ns))
         if frame.msg_id in OVERHEARD:
             self._overheard.take(frame, to_autopilot=to_autopilot)
-        elif frame.msg_id in _CLOCKS:
+        elif frame.msg_id in CLOCKS:
             self._boot()
         elif frame.msg_id == STATUSTEXT_ID:
             self._add(sim_time_ns, self._chunks.take(frame, sim_time_ns))
