@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 
 from bridge.fleet.preflight.locks import hold
+from bridge.fleet.preflight.slots import FIRST_SLOT
 
 NAME = "lostlink-test-slot"
 """How names of locks begin: not as those of runs, which start at slots that a test has."""
@@ -36,17 +37,20 @@ def slot_is_free(slot: int, count: int) -> bool:
     )
 
 
-SLOTS, SLOTS_FOR_MANY = 100, 230
-"""At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). More than three processes need
-more slots than that."""
+FIRST = FIRST_SLOT + 20
+"""Below are those that runs at free ports take: a study of another test starts and ends them all the time, and one that
+is between two of them is free to look at."""
+SLOTS, SLOTS_FOR_MANY = 80, 210
+"""At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). Those of the last slot listen
+below the daemons of `FIRST_SLOT`. More than two processes need more slots than that."""
 
 
 def slots_of_this_process() -> range:
     """Slots that no other process of this session of tests uses."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
-    first = 20 + worker * size
+    size = (SLOTS if workers <= 2 else SLOTS_FOR_MANY) // workers
+    first = FIRST + worker * size
     return range(first + os.getpid() % 8, first + size)
 
 
