@@ -42,16 +42,16 @@ FIRST = FIRST_SLOT + 20
 is between two of them is free to look at."""
 SLOTS, SLOTS_FOR_MANY = 80, 210
 """At slot s + 100 autopilots listen where the daemons of slot s do: 5760 + 10 (s + 100). Those of the last slot listen
-below the daemons of `FIRST_SLOT`. More than two processes need more slots than that."""
+below the daemons of `FIRST_SLOT`. More than three processes need more slots than that."""
 
 
 def slots_of_this_process() -> range:
     """Slots that no other process of this session of tests uses."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    size = (SLOTS if workers <= 2 else SLOTS_FOR_MANY) // workers
+    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
     first = FIRST + worker * size
-    return range(first + os.getpid() % 8, first + size)
+    return range(first + os.getpid() % 3, first + size)
 
 
 def lock(slots: Iterable[int], held: ExitStack) -> bool:
