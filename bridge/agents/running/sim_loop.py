@@ -36,6 +36,11 @@ class _NumberedTask(asyncio.Task[Any]):
         self._number = number
         super().__init__(coro, name=f"Task-{number}" if name is None else name, **options)
 
+    def set_name(self, value: object) -> None:
+        """Take a name; None, which loops of Python 3.13.0 to 3.13.2 give to tasks without one, is none."""
+        if value is not None:
+            super().set_name(value)
+
     def __hash__(self) -> int:
         return self._number
 

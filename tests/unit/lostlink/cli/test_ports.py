@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from bridge.bus.session import free_port
 from bridge.fleet.course import FleetError
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
@@ -18,7 +19,14 @@ from tests.unit.lostlink.replay.flown import scenario_of
 
 def scenario_at(port: int) -> Scenario:
     return with_changes(
-        scenario_of("moon2020", ("0",)), {"ports.aps": port, "processes": "one", "speed": 1.0}
+        scenario_of("moon2020", ("0",)),
+        {
+            "ports.aps": port,
+            "ports.api": free_port(),
+            "ports.zenoh": free_port(),
+            "processes": "one",
+            "speed": 1.0,
+        },
     )
 
 
