@@ -14,7 +14,7 @@ from typing import Any, Final
 from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.autopilot import Target
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan, Echo
+from aps.vehicle.commands.plan import CommandPlan, Echo
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import PLANE_RADIUS_M, change_speed
 from aps.vehicle.flight.setpoints import NO_POSITION, ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of

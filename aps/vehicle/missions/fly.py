@@ -8,7 +8,7 @@ from typing import Final
 from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.autopilot import Manoeuvre
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan, Step
+from aps.vehicle.commands.plan import CommandPlan, Step
 from aps.vehicle.flight.plans import circles_home
 from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
