@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from channel.access.carriers import Carriers
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Arrival
+from channel.access.world import Arrival
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.draws import LinkDraws, Purpose, uniform_from_words

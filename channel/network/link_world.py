@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Alone, FrameArrivals, Piece, Rows
+from channel.access.world import Alone, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.judge.taken import Notebook
