@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Protocol, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -112,14 +112,6 @@ Error = Annotated[
     Field(discriminator="model"),
     *own_models("error", "breaks_db", "ber", "per", methods=ERROR),
 ]
-
-
-class LengthModel(Protocol):
-    """How long a packet is on air."""
-
-    def length_bytes(self, payload_bytes: int, /) -> int:
-        """Return the length that the error model counts, bytes."""
-        ...
 
 
 class FixedLength(Variant):

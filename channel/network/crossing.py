@@ -26,8 +26,6 @@ from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
 from channel.phy.interference import Interference
 from channel.phy.spectrum import captured_db, reaches
 
-SAME_NODE_DELAY_NS = 0
-
 
 class NetworkSide(NamedTuple):
     """A network as others meet it.
