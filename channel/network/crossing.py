@@ -134,7 +134,7 @@ class Crossing:
         start, end = _column(here.position_ned_m, frame.node, count), there.position_ned_m.T
         distance_m = np.sqrt(np.sum(np.square(end - start), axis=-1))
         bases = self._source.medium.bases[frame.node], self._target.medium.bases
-        path = self._target.medium.radios[0].path_of(
+        path = self._target.medium.radios[0].paths.of(
             start,
             end,
             distance_m,
