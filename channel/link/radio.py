@@ -378,9 +378,8 @@ class Radio:
     ) -> FloatArray:
         """Return E[1 - PER] over shadowing, fading and the line of sight from tables."""
         snr_db, least_db = power_dbm - noise_dbm, self._least_snr_db(noise_dbm)
-        if isinstance(
-            least_db, np.ndarray
-        ):  # strong interference: many levels, below which all is lost anyway
+        # strong interference: many levels, below which all is lost anyway
+        if isinstance(least_db, np.ndarray):
             least_db = np.maximum(least_db, self.hopeless_below_db(lengths))
         if self.sight is not None:
             return self.sight.from_table(snr_db, lengths, path, least_db)

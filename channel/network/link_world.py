@@ -26,7 +26,7 @@ from channel.network.sources import MediumSources
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 if TYPE_CHECKING:
-    from channel.network.beside import Beside
+    from channel.network.foreign_signals import Beside
 
 _Key = tuple[int, int, int, int]
 """Of a frame: instant, ns, transmitter, number, length."""

@@ -13,7 +13,7 @@ from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
 from channel.sensing.sensor import Sensor
 from channel.validity import OutsideValidityError
-from lostlink.plan.places import path_to, places_at_start, start_ned_m
+from lostlink.plan.start_positions import path_to, places_at_start, start_ned_m
 
 
 def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
