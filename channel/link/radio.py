@@ -124,9 +124,8 @@ class Radio:
         if not isinstance(medium, Locking):
             return -np.inf
         level_dbm = medium.locks_from_dbm(noise_floor_dbm)
-        per = self.per_unchecked(
-            np.array([level_dbm - noise_floor_dbm]), float(self.length_bytes(SHORT_BYTES))
-        )
+        snr_db = np.array([level_dbm - noise_floor_dbm])
+        per = self.per_unchecked(snr_db, float(self.length_bytes(SHORT_BYTES)))
         return level_dbm if float(per[0]) < 1.0 - HARDLY_ANY else -np.inf
 
     @property
