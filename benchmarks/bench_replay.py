@@ -30,14 +30,14 @@ def measure(run: Path, rounds: int) -> dict[str, Any]:
     }
     seconds["redecide, as recorded"] = _best(rounds, lambda: redecide(run).comparison)
     seconds["open"] = _best(rounds, lambda: Player.open(run))
-    seconds["read states"] = _best(1, lambda: player.states)
+    seconds["read states"] = _best(1, lambda: player.record.states)
     middle_ns = (player.begin_ns + player.end_ns) // 2
     seconds["seek to the middle, states"] = _best(rounds, lambda: player.seek(middle_ns).states())
     seconds["play, nothing looked at"] = _best(rounds, lambda: _play(run, everything=False))
     seconds["play, everything looked at"] = _best(rounds, lambda: _play(run, everything=True))
     return {
         "run": str(run),
-        "nodes": len(player.nodes),
+        "nodes": len(player.record.nodes),
         "sim_s": (player.end_ns - player.begin_ns) / 1e9,
         "fates": result.comparison.fates,
         "is_same": result.comparison.is_same,

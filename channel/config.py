@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Protocol, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from channel.access.settings.base import Ideal
+from channel.access.settings.base import Ideal, RadioOnAir
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.medium import MediumSettings
 from channel.access.settings.sik import SikMedium
@@ -114,14 +114,6 @@ Error = Annotated[
 ]
 
 
-class LengthModel(Protocol):
-    """How long a packet is on air."""
-
-    def length_bytes(self, payload_bytes: int, /) -> int:
-        """Return the length that the error model counts, bytes."""
-        ...
-
-
 class FixedLength(Variant):
     """Every packet counts as this long, whatever it carries (the paper's 40 bytes)."""
 
@@ -224,6 +216,12 @@ class RadioConfig(Settings):
                 f"{routing}: with medium: {medium} a radio has one peer, and cannot hand on", "routing"
             )
         return self
+
+    @property
+    def on_air(self) -> RadioOnAir:
+        """As media see it."""
+        filter_rows = self.interference.filter_rows(self.bandwidth_hz)
+        return RadioOnAir(self.bit_rate_bps, self.bandwidth_hz, filter_rows)
 
     @property
     def laws(self) -> dict[str, str]:

@@ -12,12 +12,17 @@ from types import MappingProxyType
 from typing import Final
 
 from standin.protocols.endpoint import MavlinkEndpoint
+from standin.vehicle.auto import Auto
 from standin.vehicle.location import Location
+from standin.vehicle.modes import Brake, Guided, Land, Loiter, ReturnToLaunch, Stabilize
 from standin.vehicle.parameters import StandinParameters
-from standin.vehicle.vehicle import StandinVehicle
+from standin.vehicle.vehicle import Modes, StandinVehicle
 from standin.wire.fdm_link import FdmLink
 from standin.wire.sensors import SensedFrame
 
+MODES: Final[Modes] = {
+    int(mode.number): mode for mode in (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land, Brake)
+}
 NO_SERIALS: Final[Mapping[int, int]] = MappingProxyType({})
 
 
@@ -45,7 +50,7 @@ class Autopilot:
         boot_unix_us: int,
         serials: Mapping[int, int] = NO_SERIALS,
     ) -> None:
-        self.vehicle = StandinVehicle(home, parameters)
+        self.vehicle = StandinVehicle(home, parameters, MODES)
         self.fdm = FdmLink(frame_rate_hz)
         self.mavlink = MavlinkEndpoint(self.vehicle, boot_unix_us)
         self.serials = {

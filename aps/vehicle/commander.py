@@ -12,7 +12,8 @@ from typing import Any, Final, TypeGuard
 from aps.callbacks import Callbacks
 from aps.timeouts import SHOWN_LAG_S, SILENCE_TIMEOUT_S
 from aps.vehicle import messages
-from aps.vehicle.commands import ARMING, FLIGHT, NO_LINK, NOT_ARMED, CommandExecution, CommandPlan
+from aps.vehicle.commands.command_execution import NO_LINK, NOT_ARMED, CommandExecution
+from aps.vehicle.commands.plan import ARMING, FLIGHT, CommandPlan
 from aps.vehicle.execution import NS_PER_S, CommandProgress, CommandResult, Execution, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.missions import fly, transfer
@@ -306,14 +307,14 @@ class Commander:
         for handle in self._running:
             older = handle.execution
             if newer.verb == "speed" and isinstance(older, CommandExecution):
-                older.leave_speed()
+                older.setpoints.leave_speed()
             if not newer.occupies or older.occupies != newer.occupies or older.result is not None:
                 continue
             if newer.occupies not in _TAKES_OVER:
                 newer.refuse(f"{older.verb} is under way")
             elif _is_target(older) and _is_target(newer):
                 older.supersede(f"by {newer.verb}")
-                newer.leads_on(older)
+                newer.setpoints.leads_on(older.setpoints)
             else:
                 older.interrupt(f"by {newer.verb}")
 
@@ -323,7 +324,7 @@ class Commander:
             self._said = deque(maxlen=MOST_TEXTS)
         elif newer.verb == "mission" and isinstance(newer, CommandExecution) and self._said is not None:
             since_ns = self._now_ns() - UPLOAD_REASON_NS
-            newer.follows(text for at_ns, text in self._said if at_ns >= since_ns)
+            newer.steps.follows(text for at_ns, text in self._said if at_ns >= since_ns)
 
     def complete(self, handle: CommandHandle) -> None:
         """Called by a handle: take a command that has ended off the list, and report its result."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
 from aps.timeouts import CHUNK_TIMEOUT_S
+from aps.wire.dialect import mavlink
 from aps.wire.framer import Frame
 
-__all__ = ["STATUSTEXT_ID", "StatusText", "StatusTextAssembler"]
+__all__ = ["STATUSTEXT_ID", "StatusText", "StatusTextAssembler", "reasons"]
 
 STATUSTEXT_ID: Final = 253
+MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 CHUNK_CHARS: Final = 50
 MAX_CHUNKS: Final = 8
 CHUNK_TIMEOUT_NS: Final = round(CHUNK_TIMEOUT_S * 1_000_000_000)
@@ -25,6 +28,18 @@ class StatusText:
 
     severity: int
     text: str
+
+    @property
+    def may_be_a_reason(self) -> bool:
+        """A warning, or ArduPilot's notice of what it does: ``Polygon fence breached``, ``changing mode to RTL``."""
+        words = self.text.lower()
+        is_breach = "fence" in words and words.endswith("breached")
+        return self.severity <= MAX_REASON_SEVERITY or is_breach or "changing mode to" in words
+
+
+def reasons(texts: Iterable[StatusText]) -> list[str]:
+    """Those that may be one, each once."""
+    return list(dict.fromkeys(text.text for text in texts if text.may_be_a_reason))
 
 
 class StatusTextAssembler:

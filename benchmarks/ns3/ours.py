@@ -10,11 +10,11 @@ from math import inf
 from benchmarks.ns3.settings import Count, Counts, Place, Setting
 from channel.access.air import Hearing
 from channel.access.media.csma import Csma, DcfSettings
-from channel.access.packets import AirFate, AirPacket
+from channel.access.packets import AirFate, AirFrame, AirPacket
 from channel.access.queue import QueueLimits
 from channel.access.timing import NS_PER_S, Wifi, wifi_a, wifi_b
 from channel.access.trial import Load, instants
-from channel.access.world import AirFrame, Arrival, Piece, PlainWorld, World
+from channel.access.world import Arrival, Piece, PlainWorld, World
 from channel.link.radio import Radio
 from channel.network.radio_world import RadioWorld
 from channel.numbers.units import ratio_from_db

@@ -15,8 +15,7 @@ from aps.held import HeldDaemon
 from aps.links.address import parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
-from aps.vehicle.commands import MAX_REASON_SEVERITY
-from aps.vehicle.status_text import StatusText
+from aps.vehicle.status_text import MAX_REASON_SEVERITY, StatusText
 from aps.vehicle.streams import DEFAULT_RATES_HZ
 from bridge.agents.outlet import NodeOutlet
 from bridge.aircraft.aircraft_bridge import AircraftBridge

@@ -7,7 +7,7 @@ radio_status RADIO_STATUS as firmware fills it in
 settings     of a modem: its line, its buffers, its status, by the medium that it is on
 modem        one end: serial line, buffers, counters
 pair         two of them with the medium between: the whole link
-places       where the two ends are, over time
+tracks       where the two ends are, over time
 radio_link   from a radio to the pair on its links
 ideal        the medium of a radio on which packets take no time
 """

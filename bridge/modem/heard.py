@@ -7,7 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from channel.access.world import AirFrame, Arrival, Piece
+from channel.access.packets import AirFrame
+from channel.access.world import Arrival, Piece
 from channel.network.link_world import LinkWorld
 from channel.numbers.units import db_from_ratio
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import Loss
+from channel.access.packets import AirFrame, Loss
 from channel.access.queue import QueueLimits
-from channel.access.world import AirFrame, Piece, World
+from channel.access.world import Piece, World
 
 INSTANT_NS = 1
 """A frame's length: something has to be on the air."""

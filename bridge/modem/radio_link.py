@@ -10,8 +10,8 @@ from bridge.modem.heard import HeardWorld
 from bridge.modem.ideal import IdealMedium
 from bridge.modem.network import Output
 from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair
-from bridge.modem.places import Guide, Track
 from bridge.modem.settings import counts_foreign, modem_of, peers_of
+from bridge.modem.tracks import Guide, Track
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Ideal, Surroundings
 from channel.link.radio import Radio

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Header, Heard
-from bridge.radio.air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.measurements import as_message
+from bridge.radio.network_air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.picture import Row
 from bridge.radio.radio import SettledTick
 from bridge.radio.serial_output import SerialOutput

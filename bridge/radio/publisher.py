@@ -9,8 +9,8 @@ import numpy as np
 from bridge.bus.messages import Header, RadioStatus
 from bridge.bus.reception import Instants, attachment
 from bridge.bus.session import Session, Stamp
-from bridge.radio.air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.measurements import Told, as_message
+from bridge.radio.network_air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.picture import LINK_PERIOD_NS, Row
 from bridge.radio.radio import RecordedRadio, SettledTick
 from bridge.record.tables.deliveries import INSTANTS, fates_message

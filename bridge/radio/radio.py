@@ -12,9 +12,9 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, DataPackage, DecodeError, Links, Truth, decode, encoding_of
 from bridge.bus.session import Stamp
-from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
 from bridge.radio.measurements import SensorsOfRun, Told
+from bridge.radio.network_air import NetworkAir, Settled
 from bridge.radio.picture import Picture, Row
 from bridge.radio.repeated import RepeatedPackets
 from bridge.radio.ring import Closed, Ring

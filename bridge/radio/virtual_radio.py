@@ -21,7 +21,7 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
-from bridge.radio.air import NetworkAir, Settled, books_of, joined
+from bridge.radio.network_air import NetworkAir, Settled, books_of, joined
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
 from bridge.radio.serial_output import SerialOutput

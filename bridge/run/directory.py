@@ -33,6 +33,7 @@ LOG_FOLDER = "logs"
 SECRETS_FOLDER = "secrets"
 AGENT_FOLDER = "agents"
 TLOG_FOLDER = "tlog"
+NAMES_MAX = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,22 @@ class RunInfo:
     radios: dict[str, str] = field(default_factory=dict)
 
 
+def new_directory(parent: Path, name: str) -> Path:
+    """Make ``<parent>/<name>``; a number is added if that is there already.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    for suffix in ("", *(f"-{n}" for n in range(2, NAMES_MAX))):
+        path = parent / f"{name}{suffix}"
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return path
+    raise FileExistsError(f"{parent / name}: there are too many of that name")
+
+
 @dataclass(frozen=True)
 class RunDirectory:
     """Paths and contents of a run's directory. What its processes read of it does not change, and is read once."""
@@ -76,16 +93,9 @@ class RunDirectory:
             where.decode("utf-8")
         except UnicodeDecodeError as error:
             raise OSError(errno.EILSEQ, f"{where!r} is no path in UTF-8: name another") from error
-        name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{scenario_name}"
-        for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
-            path = parent / f"{name}{suffix}"
-            try:
-                path.mkdir(parents=True)
-            except FileExistsError:
-                continue
-            (path / LOG_FOLDER).mkdir()
-            return cls(path.resolve())
-        raise FileExistsError(f"{parent / name}: there are too many runs of that name")
+        path = new_directory(parent, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{scenario_name}")
+        (path / LOG_FOLDER).mkdir()
+        return cls(path.resolve())
 
     @contextmanager
     def going_on(self) -> Iterator[None]:

@@ -1,7 +1,7 @@
 """Medium access: who transmits when, for how long and how often, in integer nanoseconds. Pure: no I/O, no clock.
 
 agenda      what happens next, in an order that nothing else decides
-packets     what enters a medium, and what comes out of it
+packets     what enters a medium, what it puts on the air, and what comes out of it
 queue       packets of one node that wait: bounded, with classes, life times and replacement by key
 world       how strong a node hears another, and what survives: an interface, and a plain one
 air         transmissions on their way to all receivers

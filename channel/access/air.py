@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
-from channel.access.packets import Loss
+from channel.access.packets import AirFrame, Loss
 from channel.access.passing import Notes, PassingFrame
 from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
 from channel.access.sources import NOBODY, SensedSources
-from channel.access.world import AirFrame, Arrival, Disturbed, FrameArrivals, Rows, World
+from channel.access.world import Arrival, Disturbed, FrameArrivals, Rows, World
 
 __all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]
 

@@ -1,16 +1,13 @@
-"""What enters a medium, and what comes out of it."""
+"""What enters a medium, what it puts on the air, and what comes out of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from channel.access.world import AirFrame
 
 
 class Loss(StrEnum):
@@ -105,6 +102,53 @@ class AirPacket:
         if self.to is not None:
             return node == self.to
         return node != self.node and (self.members is None or node in self.members)
+
+
+@dataclass(slots=True, eq=False)
+class AirFrame:
+    """What is on the air: who, when, and how much of what.
+
+    Attributes:
+        node: the transmitter.
+        number: of its transmissions, rising from 0: what is drawn for a frame hangs on it.
+        kind: what a medium distinguishes frames by.
+        length_bytes: on the air, with its headers.
+        started_ns, ended_ns: at the transmitter.
+        packet: what it carries; None for control.
+        to: the node that a control frame is for.
+        reserved_ns: how long after its end others keep quiet (NAV).
+        attempt: the how-manieth transmission of the same.
+        channel: on which only those hear it that listen there.
+        bit_rate_bps: at which its errors are reckoned; None: the radio's.
+        in_turn: it is its node's turn, which transmits something whatever became of its frames before.
+        met: what its world keeps of it; nobody else's.
+    """
+
+    node: int
+    number: int
+    kind: str
+    length_bytes: int
+    started_ns: int
+    ended_ns: int
+    packet: AirPacket | None = None
+    to: int | None = None
+    reserved_ns: int = 0
+    attempt: int = 1
+    channel: int = 0
+    bit_rate_bps: float | None = None
+    in_turn: bool = False
+    met: object = field(default=None, repr=False)
+
+    @property
+    def is_fair(self) -> bool:
+        """Whether it shows how good the channel is: frames that are tried again are more where it is bad."""
+        return self.in_turn or (self.kind == "data" and self.attempt == 1)
+
+    @property
+    def is_broadcast(self) -> bool:
+        """Whether it carries a packet for all, so that nobody answers it."""
+        packet = self.packet
+        return packet is not None and packet.to is None and self.to is None and not self.reserved_ns
 
 
 @dataclass(frozen=True, slots=True)

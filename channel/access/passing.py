@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.packets import AirFrame
 from channel.access.receiver import Hearing
-from channel.access.world import AirFrame, FrameArrivals, Rows
+from channel.access.world import FrameArrivals, Rows
 
 NEVER_NS = -1
 UNKNOWN = -1

@@ -7,19 +7,16 @@ takes a locked receiver over.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from channel.access.agenda import SIGNAL_STARTS, Entry
+from channel.access.agenda import SIGNAL_STARTS, Agenda, Entry
 from channel.access.leaks import Leaks
-from channel.access.packets import Loss
-from channel.access.world import AirFrame, Piece
-
-if TYPE_CHECKING:
-    from channel.access.air import Air
+from channel.access.packets import AirFrame, Loss
+from channel.access.world import Piece, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +44,24 @@ class Hearing:
     def senses(self, power_mw: float) -> bool:
         """Whether a signal alone is sensed as a carrier."""
         return power_mw >= self.preamble_mw or power_mw >= self.energy_mw
+
+
+class SharedAir(Protocol):
+    """What receivers of one network are in together (`channel.access.air`)."""
+
+    agenda: Agenda
+    world: World
+    hearing: Hearing
+    on_fate: Callable[[AirFrame, int, Loss | None], object]
+
+    def attend(self, receiver: Receiver) -> object:
+        """A receiver's access acts on what it hears from now on."""
+
+    def ignore(self, receiver: Receiver) -> object:
+        """A receiver's access only takes note of what it hears from now on."""
+
+    def tunes(self) -> object:
+        """A receiver is about to turn to another channel."""
 
 
 class Foreign(Protocol):
@@ -134,7 +149,7 @@ class Receiver:
         "transmits",
     )
 
-    def __init__(self, air: Air, node: int, ear: Ear) -> None:
+    def __init__(self, air: SharedAir, node: int, ear: Ear) -> None:
         self._air, self.node, self._ear = air, node, ear
         self._signals: dict[AirFrame, float] = {}
         self._lost: dict[AirFrame, Loss] = {}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.access.packets import AirPacket
+from channel.access.packets import AirFrame
 from channel.access.words import FrameDraws
 from channel.checks import FloatArray
 
@@ -22,53 +21,6 @@ class Piece(NamedTuple):
 
     duration_ns: int
     interference_mw: float
-
-
-@dataclass(slots=True, eq=False)
-class AirFrame:
-    """What is on the air: who, when, and how much of what.
-
-    Attributes:
-        node: the transmitter.
-        number: of its transmissions, rising from 0: what is drawn for a frame hangs on it.
-        kind: what a medium distinguishes frames by.
-        length_bytes: on the air, with its headers.
-        started_ns, ended_ns: at the transmitter.
-        packet: what it carries; None for control.
-        to: the node that a control frame is for.
-        reserved_ns: how long after its end others keep quiet (NAV).
-        attempt: the how-manieth transmission of the same.
-        channel: on which only those hear it that listen there.
-        bit_rate_bps: at which its errors are reckoned; None: the radio's.
-        in_turn: it is its node's turn, which transmits something whatever became of its frames before.
-        met: what its world keeps of it; nobody else's.
-    """
-
-    node: int
-    number: int
-    kind: str
-    length_bytes: int
-    started_ns: int
-    ended_ns: int
-    packet: AirPacket | None = None
-    to: int | None = None
-    reserved_ns: int = 0
-    attempt: int = 1
-    channel: int = 0
-    bit_rate_bps: float | None = None
-    in_turn: bool = False
-    met: object = field(default=None, repr=False)
-
-    @property
-    def is_fair(self) -> bool:
-        """Whether it shows how good the channel is: frames that are tried again are more where it is bad."""
-        return self.in_turn or (self.kind == "data" and self.attempt == 1)
-
-    @property
-    def is_broadcast(self) -> bool:
-        """Whether it carries a packet for all, so that nobody answers it."""
-        packet = self.packet
-        return packet is not None and packet.to is None and self.to is None and not self.reserved_ns
 
 
 class Arrival(NamedTuple):

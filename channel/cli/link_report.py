@@ -7,7 +7,8 @@ from typing import Any, Unpack
 import numpy as np
 
 from channel.config import RadioConfig
-from channel.link.radio import Geometry, Radio
+from channel.link.paths import Geometry
+from channel.link.radio import Radio
 
 Report = dict[str, Any]
 

@@ -15,7 +15,6 @@ from channel.numbers.units import SPEED_OF_LIGHT_MPS
 CLARKE = 9.0 / (16.0 * math.pi)
 """Coherence time times Doppler spread (Rappaport, eq. 5.40.b)."""
 NS_PER_S = 1e9
-OCTAVES = np.uint64(64)
 
 
 def coherence_time_s(speed_mps: FloatArray, frequency_hz: FloatArray | float, longest_s: float) -> FloatArray:

@@ -4,39 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypedDict, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from channel import checks
 from channel.access.settings.base import Locking
-from channel.antenna import to_body
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
-from channel.geometry import LEVEL_WXYZ, MIN_HEIGHT_M, Path, path_at, separation_m
-from channel.link.budget import BudgetedLink, BudgetTerm, total
+from channel.geometry import Path, path_at, separation_m
+from channel.link.budget import BudgetedLink, LinkBudget, total
 from channel.link.emitters.disturbance import POINTS, Disturbance, Gains, States
 from channel.link.emitters.emitter import Emitter
 from channel.link.expectation import PANELS, Expectation
-from channel.link.rays import with_reflection
+from channel.link.paths import Geometry, LinkPaths
 from channel.link.sight import Sight
 from channel.link.tables.lengths import Lengths
 from channel.link.tables.per_table import PerTable
 from channel.link.tables.steps import STEPS_PER_DB, STEPS_PER_M, in_steps
 from channel.phy.error_model import Band
-from channel.propagation.atmosphere import ItuAtmosphere
-from channel.propagation.path_loss import friis_db
-from channel.propagation.spherical_earth import bulge_of
 
 OF_RECEIVER = ("offset_db", "noise", "bandwidth_hz", "interference", "bursts", "base_loss")
 """What is the receiver's on a link between two radios, beside its antenna and cable."""
 FINE_POINTS = 4 * POINTS
 SHORT_BYTES, HARDLY_ANY = 20, 1e-3
 """A level from which receivers lock on counts if more of such packets would come through a signal just below it."""
-MAX_WAY_M = 1e12
-"""Farther than any radio, and near enough that squares do not overflow."""
-MAX_FREQUENCY_HZ = 1e12
 MAX_LENGTH_BYTES = 1 << 24
 
 
@@ -48,20 +41,6 @@ class Delivery:
     error_bound: FloatArray
 
 
-class Geometry(TypedDict, total=False):
-    """Arguments of `Radio.path` beside the distance."""
-
-    ground_distance_m: ArrayLike | None
-    position_tx_ned_m: ArrayLike | None
-    position_rx_ned_m: ArrayLike | None
-    attitude_tx_wxyz: ArrayLike | None
-    attitude_rx_wxyz: ArrayLike | None
-    height_tx_m: ArrayLike | None
-    height_rx_m: ArrayLike | None
-    frequency_hz: ArrayLike | None
-    base: Literal["tx", "rx"]
-
-
 class Radio:
     """The physics of one radio configuration; the same at both ends, unless made by `towards`.
 
@@ -70,6 +49,8 @@ class Radio:
         emitters: of the run; where they are comes with each path (`Path.emitters_ned_m`).
 
     Attributes:
+        paths: geometry of links.
+        budget: their link budget.
         emitters: those that it hears: their spectrum comes as near as the last row of its filter.
         sources: its interferers, then these.
         terms_are_of_places: whether a term that lasts is the same for all pairs whose ends stand at the same places.
@@ -84,27 +65,24 @@ class Radio:
     def __init__(self, config: RadioConfig, emitters: Sequence[Emitter] = ()) -> None:
         self.config = config
         self._emitters_of_run = tuple(emitters)
+        self.paths, self.budget = LinkPaths(config), LinkBudget(config)
         self._band = Band(config.bandwidth_hz, config.bit_rate_bps)
         self.sight = Sight(config, self._band) if config.propagation.draws_sight else None
         self.terms_are_of_places = (
             self.sight is not None or getattr(config.shadowing, "surroundings", "own") == "shared"
         )
-        self._disturbance = Disturbance(config, emitters, self)
+        self._disturbance = Disturbance(config, emitters, self.paths, self.budget, self.sight)
         self.emitters, self.sources = self._disturbance.emitters, self._disturbance.sources
         self.interference_varies = self._disturbance.varies
         self.noise_floor_dbm = config.noise_floor_dbm
         self.max_range_m = np.inf if config.max_range_m is None else config.max_range_m
-        self.needs_attitude = config.polarisation is not None or any(
-            antenna.needs_direction for antenna in (config.antenna, config.receiving_antenna)
-        )
+        self.needs_attitude = self.budget.needs_attitude
         self.kept_share = (1.0 - config.base_loss) * (1.0 - config.bursts.mean_loss)
         self._expectation = Expectation(config, self._band)
         self.needs_roles = config.propagation.needs_roles
         self._per_table = PerTable(self.per_unchecked)
         self.locks_from_dbm = self._level(self.noise_floor_dbm)
         self._is_random = self.sight is not None or config.shadowing.is_random or config.fading.is_random
-        self._fixed_terms = self._make_fixed_terms()
-        self._fixed_dbm = None if self._fixed_terms is None else float(np.ravel(total(self._fixed_terms))[0])
         self.needs_places = self.needs_attitude or bool(self.sources) or config.propagation.needs_places
 
     def towards(self, receiver: Radio) -> Radio:
@@ -146,9 +124,8 @@ class Radio:
         if not isinstance(medium, Locking):
             return -np.inf
         level_dbm = medium.locks_from_dbm(noise_floor_dbm)
-        per = self.per_unchecked(
-            np.array([level_dbm - noise_floor_dbm]), float(self.length_bytes(SHORT_BYTES))
-        )
+        snr_db = np.array([level_dbm - noise_floor_dbm])
+        per = self.per_unchecked(snr_db, float(self.length_bytes(SHORT_BYTES)))
         return level_dbm if float(per[0]) < 1.0 - HARDLY_ANY else -np.inf
 
     @property
@@ -181,199 +158,17 @@ class Radio:
             raise ChannelInputError("payload_bytes", payload_bytes, ">= 0")
         return self.config.length.length_bytes(payload_bytes)
 
-    def path(
-        self,
-        slant_distance_m: ArrayLike | None = None,
-        *,
-        ground_distance_m: ArrayLike | None = None,
-        position_tx_ned_m: ArrayLike | None = None,
-        position_rx_ned_m: ArrayLike | None = None,
-        attitude_tx_wxyz: ArrayLike | None = None,
-        attitude_rx_wxyz: ArrayLike | None = None,
-        height_tx_m: ArrayLike | None = None,
-        height_rx_m: ArrayLike | None = None,
-        frequency_hz: ArrayLike | None = None,
-        base: Literal["tx", "rx"] = "tx",
-    ) -> Path:
-        """Return the checked geometry of links, from distances or from positions.
-
-        With distances, tx stands above the origin of the frame and rx due north of it.
-
-        Args:
-            slant_distance_m: between the antennas, any shape.
-            ground_distance_m: or over the ground, any shape.
-            position_tx_ned_m: or positions, shape (..., 3), in a common frame whose origin is on the ground.
-            position_rx_ned_m: likewise.
-            attitude_tx_wxyz: body to north-east-down, shape (..., 4); level with the nose north if not given.
-            attitude_rx_wxyz: likewise.
-            height_tx_m: above ground, with distances; the radio's default height if not given.
-            height_rx_m: likewise.
-            frequency_hz: another carrier than the radio's.
-            base: which end is the base on the ground, and the other the aircraft: for `uma-av` and `rma-av`.
+    def path(self, slant_distance_m: ArrayLike | None = None, **geometry: Unpack[Geometry]) -> Path:
+        """Return the checked geometry of links, from distances or from positions: see `LinkPaths.given`.
 
         Raises:
             ChannelInputError: a value out of range, a wrong shape, or not one of distances and positions.
         """
-        carrier = self.config.frequency_hz if frequency_hz is None else frequency_hz
-        frequency = checks.finite("frequency_hz", carrier, 0.0, MAX_FREQUENCY_HZ, low_open=True)
-        attitude_tx = _attitude("attitude_tx_wxyz", attitude_tx_wxyz)
-        attitude_rx = _attitude("attitude_rx_wxyz", attitude_rx_wxyz)
-        _only_one(slant_distance_m, ground_distance_m, position_tx_ned_m, position_rx_ned_m)
-        if slant_distance_m is None and ground_distance_m is None:
-            start = _place("position_tx_ned_m", position_tx_ned_m)
-            end = _place("position_rx_ned_m", position_rx_ned_m)
-            checks.broadcast(position_tx_ned_m=start, position_rx_ned_m=end)
-        else:
-            heights = self._heights(height_tx_m, height_rx_m)
-            start, end = self._places(slant_distance_m, ground_distance_m, *heights, frequency)
-        checks.broadcast(
-            position_tx_ned_m=start[..., 0],
-            position_rx_ned_m=end[..., 0],
-            attitude_tx_wxyz=LEVEL_WXYZ[0] if attitude_tx is None else attitude_tx[..., 0],
-            attitude_rx_wxyz=LEVEL_WXYZ[0] if attitude_rx is None else attitude_rx[..., 0],
-            frequency_hz=frequency,
-        )
-        if base not in ("tx", "rx"):
-            raise ChannelInputError("base", base, "tx or rx")
-        path = self.path_of(start, end, separation_m(start, end), attitude_tx, attitude_rx, frequency)
-        return path._replace(tx_is_base=base == "tx", rx_is_base=base == "rx")
-
-    def _heights(
-        self, height_tx_m: ArrayLike | None, height_rx_m: ArrayLike | None
-    ) -> tuple[FloatArray, FloatArray]:
-        default = self.config.default_height_m
-        tx = checks.finite(
-            "height_tx_m", default if height_tx_m is None else height_tx_m, MIN_HEIGHT_M, MAX_WAY_M
-        )
-        rx = checks.finite(
-            "height_rx_m", default if height_rx_m is None else height_rx_m, MIN_HEIGHT_M, MAX_WAY_M
-        )
-        return tx, rx
-
-    def _places(
-        self,
-        slant_m: ArrayLike | None,
-        ground_m: ArrayLike | None,
-        tx_m: FloatArray,
-        rx_m: FloatArray,
-        frequency_hz: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return positions of both ends, shape (..., 3)."""
-        if slant_m is None:
-            ground = checks.finite("ground_distance_m", np.asarray(ground_m), 0.0, MAX_WAY_M)
-        else:
-            slant = checks.finite("slant_distance_m", slant_m, 0.0, MAX_WAY_M)
-            checks.broadcast(
-                slant_distance_m=slant, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz
-            )
-            spare = slant - np.abs(tx_m - rx_m)
-            if np.any(spare < -1e-9):
-                worst = float(np.min(spare))
-                raise ChannelInputError(
-                    "slant_distance_m - |height_tx_m - height_rx_m|", worst, ">= 0: the way is slant"
-                )
-            ground = np.sqrt(np.maximum(np.square(slant) - np.square(tx_m - rx_m), 0.0))
-        checks.broadcast(distance_m=ground, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz)
-        ground, tx, rx, _ = np.broadcast_arrays(ground, tx_m, rx_m, frequency_hz)
-        zero = np.zeros_like(ground)
-        return np.stack((zero, zero, -tx), axis=-1), np.stack((ground, zero, -rx), axis=-1)
-
-    def path_of(
-        self,
-        tx_ned_m: FloatArray,
-        rx_ned_m: FloatArray,
-        distance_m: FloatArray,
-        attitude_tx_wxyz: FloatArray | None = None,
-        attitude_rx_wxyz: FloatArray | None = None,
-        frequency_hz: FloatArray | float | None = None,
-    ) -> Path:
-        """Return the geometry of positions that are known to be good, without checks."""
-        return Path(
-            self.config.frequency_hz if frequency_hz is None else frequency_hz,
-            np.maximum(distance_m, self.config.min_distance_m),
-            np.maximum(-tx_ned_m[..., 2], MIN_HEIGHT_M),
-            np.maximum(-rx_ned_m[..., 2], MIN_HEIGHT_M),
-            tx_ned_m,
-            rx_ned_m,
-            attitude_tx_wxyz,
-            attitude_rx_wxyz,
-        )
-
-    def _make_fixed_terms(self) -> tuple[BudgetTerm, ...] | None:
-        """Return the terms that no geometry changes, or None if there is an antenna that it does."""
-        if self.needs_attitude:
-            return None
-        return self._terms_before_path(None)
-
-    def _terms_before_path(self, path: Path | None) -> tuple[BudgetTerm, ...]:
-        config = self.config
-        way = np.zeros((1, 3)) if path is None else path.way_ned
-        tx, rx = (None, None) if path is None else (path.attitude_tx_wxyz, path.attitude_rx_wxyz)
-        attitude_tx, attitude_rx = (LEVEL_WXYZ if each is None else each for each in (tx, rx))
-        terms = [
-            BudgetTerm("transmit_power_dbm", config.transmit_power_dbm),
-            BudgetTerm("transmit_antenna_gain_db", config.antenna.towards_db(to_body(attitude_tx, way))),
-            BudgetTerm(
-                "receive_antenna_gain_db", config.receiving_antenna.towards_db(to_body(attitude_rx, -way))
-            ),
-        ]
-        if config.polarisation is not None:
-            terms.append(
-                BudgetTerm("polarisation_db", -config.polarisation.loss_db(attitude_tx, attitude_rx, way))
-            )
-        if config.cable_loss_db:
-            terms.append(BudgetTerm("transmit_cable_db", -config.cable_loss_db))
-        if config.receiving_cable_loss_db:
-            terms.append(BudgetTerm("receive_cable_db", -config.receiving_cable_loss_db))
-        return (*terms, BudgetTerm("offset_db", config.offset_db))
-
-    def budget(self, path: Path) -> tuple[BudgetTerm, ...]:
-        """Return the terms of the received power without its random part, in order."""
-        before = self._fixed_terms if self._fixed_terms is not None else self._terms_before_path(path)
-        path = with_reflection(
-            path, self.config.propagation, self.config.antenna, self.config.receiving_antenna
-        )
-        return (*before, *self._terms_of_the_way(path))
-
-    def _terms_of_the_way(self, path: Path) -> tuple[BudgetTerm, ...]:
-        """Return what the way takes: gases and rain if they are configured, the horizon, and the path loss last."""
-        terms = []
-        air = self.config.atmosphere
-        if isinstance(air, ItuAtmosphere):
-            terms.append(BudgetTerm("gas_db", -air.gas_loss_db(path.distance_m, path.frequency_hz)))
-            terms.append(BudgetTerm("rain_db", -air.rain_loss_db(path.distance_m, path.frequency_hz)))
-        loss_db = self.config.propagation.path_loss_db(path)
-        bulge_db = self._bulge_db(path, loss_db)
-        if bulge_db is not None:
-            terms.append(BudgetTerm("horizon_db", -bulge_db))
-        return (*terms, BudgetTerm("path_loss_db", -loss_db))
-
-    def _bulge_db(self, path: Path, loss_db: FloatArray) -> FloatArray | None:
-        """Return what the bulge of the Earth takes beyond the law's loss, dB; None: nothing."""
-        factor, law = self.config.earth_radius_factor, self.config.propagation
-        if factor is None or law.has_earth:
-            return None
-        bulge = bulge_of(path, factor)
-        if bulge is None:
-            return None
-        if not law.has_ground:
-            return bulge.share * bulge.loss_db
-        smooth_db = friis_db(path.distance_m, path.frequency_hz) + bulge.loss_db
-        return bulge.share * np.maximum(smooth_db - loss_db, 0.0)
-
-    def loss_db(self, path: Path) -> FloatArray:
-        """Return what the way takes, all terms together, dB."""
-        if isinstance(self.config.atmosphere, ItuAtmosphere):
-            return np.negative(total(self._terms_of_the_way(path)))
-        loss_db = self.config.propagation.path_loss_db(path)
-        bulge_db = self._bulge_db(path, loss_db)
-        return loss_db if bulge_db is None else loss_db + bulge_db
+        return self.paths.given(slant_distance_m, **geometry)
 
     def mean_power_dbm(self, path: Path) -> FloatArray:
-        """Return the received power without its random part, dBm: the sum of `budget`."""
-        if self._fixed_dbm is None:
-            return np.asarray(total(self.budget(path)))
-        return self._fixed_dbm - self.loss_db(path)
+        """Return the received power without its random part, dBm."""
+        return self.budget.power_dbm(path)
 
     def noise_dbm(
         self, path: Path, transmitting: States | None = None, gains_db: Gains | None = None
@@ -435,7 +230,7 @@ class Radio:
         """
         path = self.path(slant_distance_m, **geometry)
         length = self._lengths(length_bytes)
-        terms = self.budget(path)
+        terms = self.budget.terms(path)
         power = np.asarray(total(terms))
         checks.broadcast(distance_m=power, length_bytes=length)
         noise = np.asarray(self.noise_dbm(path))
@@ -582,9 +377,8 @@ class Radio:
     ) -> FloatArray:
         """Return E[1 - PER] over shadowing, fading and the line of sight from tables."""
         snr_db, least_db = power_dbm - noise_dbm, self._least_snr_db(noise_dbm)
-        if isinstance(
-            least_db, np.ndarray
-        ):  # strong interference: many levels, below which all is lost anyway
+        # strong interference: many levels, below which all is lost anyway
+        if isinstance(least_db, np.ndarray):
             least_db = np.maximum(least_db, self.hopeless_below_db(lengths))
         if self.sight is not None:
             return self.sight.from_table(snr_db, lengths, path, least_db)
@@ -597,38 +391,6 @@ class Radio:
             return np.asarray(float(self.length_bytes(self.config.nominal_payload_bytes)))
         payload = checks.finite("length_bytes", length_bytes, 0.0, MAX_LENGTH_BYTES)
         return np.asarray(np.vectorize(self.config.length.length_bytes, otypes=[np.float64])(payload))
-
-
-def _only_one(
-    slant_m: ArrayLike | None, ground_m: ArrayLike | None, tx: ArrayLike | None, rx: ArrayLike | None
-) -> None:
-    """Refuse no geometry, and more than one."""
-    positions = tx is not None or rx is not None
-    if positions and (tx is None or rx is None):
-        missing = "position_tx_ned_m" if tx is None else "position_rx_ned_m"
-        raise ChannelInputError(missing, None, "a position, as there is one of the other end")
-    if (slant_m is not None) + (ground_m is not None) + positions != 1:
-        given = None if slant_m is None else slant_m
-        raise ChannelInputError(
-            "slant_distance_m", given, "a distance, slant or over the ground, or both positions: one of them"
-        )
-
-
-def _place(name: str, value: ArrayLike | None) -> FloatArray:
-    place = checks.vectors(name, np.asarray(value), 3)
-    return checks.finite(name, place, -MAX_WAY_M, MAX_WAY_M)
-
-
-def _attitude(name: str, value: ArrayLike | None) -> FloatArray | None:
-    """Return checked quaternions at length 1."""
-    if value is None:
-        return None
-    attitude = checks.vectors(name, value, 4)
-    length = np.sqrt(np.sum(np.square(np.clip(attitude, -10.0, 10.0)), axis=-1, keepdims=True))
-    if not np.all((length > 0.5) & (length < 2.0)):
-        bad = attitude[~((length > 0.5) & (length < 2.0))[..., 0]]
-        raise ChannelInputError(name, bad.reshape(-1, 4)[0].tolist(), "a quaternion of length about 1")
-    return np.asarray(attitude / length)
 
 
 def _separation(path: Path) -> FloatArray:

@@ -214,7 +214,7 @@ class Settling:
         way *= way
         distance_m = np.sqrt(way[0] + way[1] + way[2])
         attitudes = _of_ends(nodes.attitude_wxyz, here, there)
-        path = self._kinds[0].path_of(start.T, end.T, distance_m, *attitudes)
+        path = self._kinds[0].paths.of(start.T, end.T, distance_m, *attitudes)
         packet, tx, rx = ends
         if self._roles:
             path = path._replace(tx_is_base=self._bases[tx], rx_is_base=self._bases[rx])

@@ -7,8 +7,8 @@ from itertools import permutations
 from typing import NamedTuple
 
 from channel.access.agenda import SharedClock
-from channel.network.beside import Beside
 from channel.network.crossing import Crossing, NetworkSide
+from channel.network.foreign_signals import Beside
 from channel.network.network import Network
 
 

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from channel.access.carriers import Carriers
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Arrival
+from channel.access.world import Arrival
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.draws import LinkDraws, Purpose, uniform_from_words
@@ -24,8 +25,6 @@ from channel.network.drawn import HEARD_DB
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
 from channel.phy.interference import Interference
 from channel.phy.spectrum import captured_db, reaches
-
-SAME_NODE_DELAY_NS = 0
 
 
 class NetworkSide(NamedTuple):
@@ -135,7 +134,7 @@ class Crossing:
         start, end = _column(here.position_ned_m, frame.node, count), there.position_ned_m.T
         distance_m = np.sqrt(np.sum(np.square(end - start), axis=-1))
         bases = self._source.medium.bases[frame.node], self._target.medium.bases
-        path = self._target.medium.radios[0].path_of(
+        path = self._target.medium.radios[0].paths.of(
             start,
             end,
             distance_m,

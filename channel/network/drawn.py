@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Alone, FrameArrivals, Rows
+from channel.access.world import Alone, FrameArrivals, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.taken import Taken
 from channel.medium.reception import (

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
-from channel.access.world import AirFrame, Alone, FrameArrivals, Piece, Rows
+from channel.access.world import Alone, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.medium.judge.judge import Judge
 from channel.medium.judge.taken import Notebook
@@ -25,7 +26,7 @@ from channel.network.sources import MediumSources
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, db_from_ratio, ratio_from_db
 
 if TYPE_CHECKING:
-    from channel.network.beside import Beside
+    from channel.network.foreign_signals import Beside
 
 _Key = tuple[int, int, int, int]
 """Of a frame: instant, ns, transmitter, number, length."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirFate, AirFates, AirPacket, Handling, Loss, Outcome, Reply
-from channel.access.world import AirFrame
+from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Handling, Loss, Outcome, Reply
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions

@@ -8,9 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from channel.access.packets import AirFrame
 from channel.access.timing import NS_PER_S
 from channel.access.words import FrameDraws
-from channel.access.world import AirFrame, Arrival, FrameArrivals, Piece, Rows
+from channel.access.world import Arrival, FrameArrivals, Piece, Rows
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.medium.stations.tracks import FOREVER

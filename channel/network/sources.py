@@ -94,7 +94,7 @@ class _Kind:
             for each in (now.position_ned_m, now.attitude_wxyz, now.velocity_ned_mps)
         )
         assert place is not None
-        path = self._radio.path_of(place, place, np.zeros(count), attitude, attitude)
+        path = self._radio.paths.of(place, place, np.zeros(count), attitude, attitude)
         path = path._replace(tx_is_base=bases, rx_is_base=bases, emitters_ned_m=places)
         columns = at_ns, 0, at_ns // ANEW_NS, 0, EVERYBODY
         span = Packets(*(np.array([each]) for each in columns))

@@ -66,22 +66,6 @@ def friis_loss_db(distance_m: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
     return friis_db(distance, frequency)
 
 
-def log_distance_loss_db(
-    distance_m: ArrayLike, exponent: float, reference_loss_db: ArrayLike, reference_distance_m: float = 1.0
-) -> FloatArray:
-    """Return reference_loss_db + 10 n log10(d / d0), dB (Rappaport, Wireless Communications, eq. 4.68).
-
-    Raises:
-        ChannelInputError: distance or reference distance not positive, or a value not finite.
-    """
-    distance = checks.finite("distance_m", distance_m, 0.0, low_open=True)
-    reference = checks.finite("reference_distance_m", reference_distance_m, 0.0, low_open=True)
-    loss = checks.finite("reference_loss_db", reference_loss_db)
-    slope = checks.finite("exponent", exponent)
-    checks.broadcast(distance_m=distance, reference_loss_db=loss)
-    return np.add(loss, 10.0 * slope * np.log10(distance / reference))
-
-
 def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
     """Return what `friis_loss_db` returns, for values that are known to be good."""
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import isnan
 
-from channel.access.packets import AirFate, AirPacket, Loss
-from channel.access.world import AirFrame
+from channel.access.packets import AirFate, AirFrame, AirPacket, Loss
 
 Nearness = Callable[[AirFrame, int], float]
 """How far a frame's transmitter was from a node, m."""

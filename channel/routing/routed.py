@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 from channel.access.agenda import ACTS
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
-from channel.access.world import AirFrame
+from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.routing.journey import Cargo, HopPacket, Journey, Leg, Nearness
 from channel.routing.router import Hop, HopRouter, Notice, Onward
 

@@ -141,7 +141,7 @@ class Sensing:
         start, end = emitters.position_ned_m[here], sensors.position_ned_m[there]
         out.distance_m[rows] = separation_m(start, end)
         attitude = None if sensors.attitude_wxyz is None else sensors.attitude_wxyz[there]
-        path = radio.path_of(start, end, out.distance_m[rows], None, attitude, self._frequency_hz[here])
+        path = radio.paths.of(start, end, out.distance_m[rows], None, attitude, self._frequency_hz[here])
         is_base = self._is_base[there]
         path = path._replace(tx_is_base=~is_base, rx_is_base=is_base)
         relative = _velocity(sensors, there) - _velocity(emitters, here)

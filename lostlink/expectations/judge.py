@@ -21,7 +21,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
 from lostlink.expectations.measures import MeasureError, measured, share_within
 from lostlink.expectations.packets import PacketFinder
-from lostlink.expectations.places import PlaceFinder
+from lostlink.expectations.positions import PlaceFinder
 
 
 @dataclass(frozen=True, slots=True)

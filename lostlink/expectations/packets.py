@@ -12,7 +12,7 @@ from bridge.record.tables.deliveries import TRANSPORT
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import sawtooth
-from lostlink.reading.places import distances_m, places_at, places_of
+from lostlink.reading.positions import distances_m, places_at, places_of
 from lostlink.reading.rows import DeliveryRows, link_rows
 
 DECIMALS_S = 9

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bridge.modem.places import DISTANCE_MAX_M, Sample, Track, apart_over_time, read_distances
 from bridge.modem.radio_link import LinkPlan
+from bridge.modem.tracks import DISTANCE_MAX_M, Sample, Track, apart_over_time, read_distances
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.scenario.model import Scenario
 from bridge.scenario.modems import GroundModem, UaModem

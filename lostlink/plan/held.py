@@ -15,7 +15,7 @@ from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
-from lostlink.plan.places import Places, path_to, places_at_start
+from lostlink.plan.start_positions import Places, path_to, places_at_start
 
 NAMED_MAX = 3
 

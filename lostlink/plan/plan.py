@@ -26,8 +26,8 @@ from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load, without_messages
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
-from lostlink.plan.places import start_ned_m
 from lostlink.plan.reach import Reach, reach_of
+from lostlink.plan.start_positions import start_ned_m
 from lostlink.plan.unheard import unheard
 from lostlink.plan.validity import beyond_validity
 from lostlink.reading.capacity import Capacity

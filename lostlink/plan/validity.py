@@ -13,7 +13,7 @@ from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
 from channel.sensing.sensor import Sensor
 from channel.validity import OutsideValidityError
-from lostlink.plan.places import path_to, places_at_start, start_ned_m
+from lostlink.plan.start_positions import path_to, places_at_start, start_ned_m
 
 
 def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
@@ -47,7 +47,7 @@ def _refused_links(scenario: Scenario, network: str, radios: Mapping[str, Radio]
         if id(radio) in told or not _refuses(radio.config.propagation) or radio.needs_roles:
             continue
         try:
-            radio.loss_db(radio.path(position_tx_ned_m=places[here], position_rx_ned_m=places[there]))
+            radio.budget.loss_db(radio.path(position_tx_ned_m=places[here], position_rx_ned_m=places[there]))
         except OutsideValidityError as error:
             told.add(id(radio))
             ends = f"between nodes {here} and {there}, where they are at the start"
@@ -63,7 +63,7 @@ def _refused_sources(scenario: Scenario, network: str) -> Iterator[str]:
         path = path_to(radio, node, places, is_base=node in grounds)
         for number, source in enumerate(radio.sources):
             try:
-                radio.loss_db(radio.way_of_source(number, path))
+                radio.budget.loss_db(radio.way_of_source(number, path))
             except OutsideValidityError as error:
                 ends = f"from {source.name} to node {node}, where they are at the start"
                 yield f"radio of network {network}: {ends}, {error}: the first packet to it ends the run"

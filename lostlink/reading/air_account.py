@@ -10,7 +10,7 @@ import numpy as np
 from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import FATES
 from channel.medium.reception import Fate
-from lostlink.reading.air import (
+from lostlink.reading.air_use import (
     BUSY_NS,
     NS_PER_S,
     Numbers,
@@ -178,7 +178,7 @@ def account_of(
     """The account of a network over a run.
 
     Args:
-        rows: of the network, with `lostlink.reading.air.NEEDED`, one for each receiver.
+        rows: of the network, with `lostlink.reading.air_use.NEEDED`, one for each receiver.
         capacity: of the network.
         end_ns: the end of the run, its last tick included.
         on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,6 @@ from bridge.record.tables.deliveries import (
 )
 from bridge.record.tables.schema import Columns
 from channel.medium.reception import Fate
-
-if TYPE_CHECKING:
-    from bridge.radio.picture import Picture
-    from channel.medium.ledger import Ledger
 
 LINK = ("tx", "rx", "packets", "fate")
 """Columns that are there in any case."""
@@ -170,15 +166,3 @@ def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> Deli
         TableError, OSError: the deliveries are missing or damaged, or cannot be read.
     """
     return DeliveryRows(nodes, read_deliveries(run, nodes, (*LINK, *names))).each()
-
-
-def take_rows(columns: Columns, picture: Picture, ledger: Ledger) -> None:
-    """Take rows, one per receiver, into the picture of all links and into their counts, as a run does.
-
-    What was lost before the channel counts, and is in no picture.
-    """
-    counted = columns["tx"], columns["rx"], columns["fate"]
-    np.add.at(ledger.sent, counted[:2], columns["packets"])
-    np.add.at(ledger.settled, counted, columns["packets"])
-    settled = columns["fate"] < GAPS_FROM
-    picture.take({name: values[settled] for name, values in columns.items()})

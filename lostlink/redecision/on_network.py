@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.radio.ledger_file import Books
-from bridge.radio.places import NodePlaces
+from bridge.radio.node_places import NodePlaces
 from bridge.record.tables.deliveries import FATES, FIGURES, INSTANTS, TOO_LONG, Cause, columns_of, tick_of
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import TrueStates

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,10 +29,9 @@ from bridge.record.events import RunEvent
 from bridge.record.logged import LoggedValue
 from bridge.record.tables.deliveries import INSTANTS, fates_message
 from channel.medium.reception import DELIVERED
+from lostlink.reading.known_links import KnownLinks
 from lostlink.reading.rows import DeliveryRows
-
-if TYPE_CHECKING:
-    from lostlink.replay.player import Player
+from lostlink.replay.record import TickedRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +69,11 @@ class Received:
 
 
 class Moment:
-    """A view of the player at one tick: it is good until the player plays another.
+    """A record as it is played at one tick: it is good until the player plays another.
 
     Args:
-        player: who plays.
+        record: what is played.
+        links: what is known of links by now.
         tick: number of the tick.
         decided: what it settled.
         changed: whose communication status it changed.
@@ -84,24 +83,39 @@ class Moment:
         sim_time_ns: the tick.
         is_last: whether the record ends with it.
         links_are_due: whether the run published link reports at it.
+        is_over: whether another is played.
     """
 
-    def __init__(self, player: Player, tick: int, decided: DeliveryRows, changed: Sequence[Row]) -> None:
-        self._player = player
-        self._tick = tick
-        self._rows = player.truth.rows_of(tick)
+    def __init__(
+        self,
+        record: TickedRecord,
+        links: KnownLinks,
+        tick: int,
+        decided: DeliveryRows,
+        changed: Sequence[Row],
+    ) -> None:
+        self._record, self._known_links, self._tick = record, links, tick
+        self._rows = record.truth.rows_of(tick)
         self._changed = changed
         self.decided = decided
-        self.sim_time_ns = int(player.ticks_ns[tick])
-        self.is_last = tick == player.ticks_ns.size - 1
-        self.links_are_due = bool(player.links_due[tick])
+        self.sim_time_ns = int(record.ticks_ns[tick])
+        self.is_last = tick == record.ticks_ns.size - 1
+        self.links_are_due = bool(record.links_due[tick])
+        self.is_over = False
+
+    def _check(self) -> None:
+        if self.is_over:
+            raise RuntimeError(f"the moment at {self.sim_time_ns} ns is over: the player has played on")
 
     @property
-    def _at(self) -> Player:
-        """The player, while this is its moment."""
-        if self._player.now is not self:
-            raise RuntimeError(f"the moment at {self.sim_time_ns} ns is over: the player has played on")
-        return self._player
+    def _at(self) -> TickedRecord:
+        self._check()
+        return self._record
+
+    @property
+    def _links(self) -> KnownLinks:
+        self._check()
+        return self._known_links
 
     def clock(self, speed: float = 1.0, real_time_factor: float = math.nan, *, paused: bool = False) -> Clock:
         """Fleet time; how fast it goes is how fast the record is played."""
@@ -128,16 +142,15 @@ class Moment:
 
     def links(self) -> Links:
         """All links that carried a packet: the latest figures, and counts from the run's beginning on."""
-        at = self._at
-        return at.picture.links(self.sim_time_ns, at.ledger, at.radios.off_at(self.sim_time_ns))
+        return self._links.report(self.sim_time_ns)
 
     def communication(self) -> CommunicationMatrix:
         """Whose latest packets reached whom."""
-        return self._at.picture.matrix(self.sim_time_ns)
+        return self._links.picture.matrix(self.sim_time_ns)
 
     def statuses(self) -> list[CommunicationStatus]:
         """The communication status of each node that got, or missed, a packet at this tick."""
-        return [self._at.picture.status(row, self.sim_time_ns) for row in self._changed]
+        return [self._links.picture.status(row, self.sim_time_ns) for row in self._changed]
 
     def received(self, wanted: Sequence[str] | None = None) -> list[Received]:
         """What arrived at this tick, in the order in which the radio settled it.

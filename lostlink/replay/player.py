@@ -8,121 +8,64 @@ while (moment := player.step()) is not None:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bridge.radio.picture import LINK_PERIOD_NS, Picture
-from bridge.record.events import RunEvent, read_reports
-from bridge.record.radio_switches import switches_of
-from bridge.record.tables.deliveries import DELIVERIES, Cause
-from bridge.record.tables.reader import read_columns
-from bridge.record.tables.states import States
-from bridge.record.tables.truth import TRUTH, TrueStates
-from channel.medium.addressees import codes_of
-from channel.medium.ledger import Ledger
-from lostlink.reading.moved import scenario_of
-from lostlink.reading.rows import RUN_ENDED, DeliveryRows, take_rows
-from lostlink.reading.sent import SentPackets
-from lostlink.replay.logged import NodeLogged
-from lostlink.replay.measured import ReportedMeasurements
+from lostlink.reading.known_links import KnownLinks
 from lostlink.replay.moment import Moment
+from lostlink.replay.record import TickedRecord
 
 
 class Player:
     """Plays one record. For one thread at a time.
 
     Args:
-        run: directory of a run, finished or killed.
+        record: of a run.
 
     Attributes:
-        scenario: as flown.
-        nodes: ids of the nodes that exchange packets.
-        ticks_ns: all ticks, rising.
-        radios: when each node's radio was off.
         now: the moment that was played last; None before the first.
-
-    Raises:
-        ValueError: it is no run, or nothing of it was recorded.
-        OSError: it cannot be read.
     """
 
-    def __init__(self, run: Path) -> None:
-        self.run = run
-        self.scenario = scenario_of(run)
-        self.nodes = self.scenario.transceiver_ids
-        if not TRUTH.is_in(run):
-            raise ValueError(
-                f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
-            )
-        self.truth = TrueStates.read(run, self.scenario.stations)
-        self.ticks_ns = self.truth.ticks_ns
-        if not self.ticks_ns.size:
-            raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
-        self.networks = self.scenario.network_names
-        self.decisions = _decisions(run, self.nodes, self.networks)
-        self.radios = switches_of(self.scenario, run)
+    def __init__(self, record: TickedRecord) -> None:
+        self.record = record
         self.now: Moment | None = None
         self._next = 0
         self._begin()
 
     @classmethod
     def open(cls, run: Path) -> Player:
-        """As the constructor."""
-        return cls(run)
+        """Of the record in a directory; raises what `TickedRecord` does."""
+        return cls(TickedRecord(run))
 
     def _begin(self) -> None:
-        self.picture = Picture(self.nodes)
-        self.ledger = Ledger(self.nodes, causes=tuple(Cause))
+        self._links = KnownLinks(self.record.nodes, self.record.radios)
 
     # Which ticks there are.
 
     @property
     def begin_ns(self) -> int:
         """The first tick."""
-        return int(self.ticks_ns[0])
+        return int(self.record.ticks_ns[0])
 
     @property
     def end_ns(self) -> int:
         """The last tick."""
-        return int(self.ticks_ns[-1])
-
-    @cached_property
-    def _rows_until(self) -> NDArray[np.intp]:
-        """How many rows of the decisions were settled by each tick: what was written after the last is of none."""
-        columns = self.decisions.columns
-        until = np.searchsorted(
-            columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
-        )
-        cut = np.flatnonzero(columns["fate"] == RUN_ENDED)
-        return np.minimum(until, cut[0]) if cut.size else until
-
-    @cached_property
-    def links_due(self) -> NDArray[np.bool_]:
-        """Ticks at which a run publishes link reports."""
-        due, reported_ns = np.zeros(self.ticks_ns.size, dtype=bool), -LINK_PERIOD_NS
-        for tick, sim_time_ns in enumerate(self.ticks_ns.tolist()):
-            if sim_time_ns - reported_ns >= LINK_PERIOD_NS:
-                due[tick], reported_ns = True, sim_time_ns
-        due[-1] = True
-        return due
+        return int(self.record.ticks_ns[-1])
 
     @property
     def following_ns(self) -> int | None:
         """The tick that `step` plays; None at the end."""
-        return int(self.ticks_ns[self._next]) if self._next < self.ticks_ns.size else None
+        return int(self.record.ticks_ns[self._next]) if self._next < self.record.ticks_ns.size else None
 
     # Playing.
 
     def step(self) -> Moment | None:
         """Play the next tick; None when there is none."""
-        if self._next >= self.ticks_ns.size:
+        if self._next >= self.record.ticks_ns.size:
             return None
-        begin = int(self._rows_until[self._next - 1]) if self._next else 0
-        return self._play(begin)
+        return self._play(self._rows_before(self._next))
 
     def moments(self) -> Iterator[Moment]:
         """Play from the next tick to the end."""
@@ -131,62 +74,31 @@ class Player:
 
     def seek(self, sim_time_ns: int) -> Moment:
         """Play the last tick at or before an instant, or the first: as if all ticks before it had been played."""
-        tick = max(0, int(np.searchsorted(self.ticks_ns, sim_time_ns, side="right")) - 1)
-        begin = int(self._rows_until[self._next - 1]) if self._next else 0
+        tick = max(0, int(np.searchsorted(self.record.ticks_ns, sim_time_ns, side="right")) - 1)
+        begin = self._rows_before(self._next)
         if tick < self._next:
             begin = 0
             self._begin()
-        before = int(self._rows_until[tick - 1]) if tick else 0
+        before = self._rows_before(tick)
         self._take(slice(begin, before))
-        self.picture.changed()  # those of ticks that are passed over
+        self._links.picture.changed()  # those of ticks that are passed over
         self._next = tick
         return self._play(before)
 
     def _play(self, begin: int) -> Moment:
         tick, self._next = self._next, self._next + 1
-        rows = slice(begin, int(self._rows_until[tick]))
+        rows = slice(begin, self._rows_before(self._next))
         self._take(rows)
-        self.now = Moment(self, tick, self.decisions.at(rows), self.picture.changed())
+        if self.now is not None:
+            self.now.is_over = True
+        decided, changed = self.record.decisions.at(rows), self._links.picture.changed()
+        self.now = Moment(self.record, self._links, tick, decided, changed)
         return self.now
 
     def _take(self, rows: slice) -> None:
-        """Take rows into the picture of all links, and into their counts."""
-        take_rows(self.decisions.at(rows).each().columns, self.picture, self.ledger)
+        """Take rows into what is known of links."""
+        self._links.take(self.record.decisions.at(rows).each().columns)
 
-    # What is read when it is asked for.
-
-    @cached_property
-    def sent(self) -> list[SentPackets]:
-        """What each node transmitted."""
-        places = codes_of(self.nodes, self.scenario.groups)
-        return [SentPackets(self.run, node, places) for node in self.nodes]
-
-    @cached_property
-    def states(self) -> States:
-        """The states of each node."""
-        return States.read(self.run, self.nodes)
-
-    @cached_property
-    def measured(self) -> ReportedMeasurements:
-        """What sensors reported."""
-        return ReportedMeasurements(self.run, self.scenario, self.nodes)
-
-    @cached_property
-    def logged(self) -> dict[str, NodeLogged]:
-        """What the agent of each node logged."""
-        return {node: NodeLogged(self.run, node) for node in self.nodes}
-
-    @cached_property
-    def events(self) -> tuple[RunEvent, ...]:
-        """What the processes of the run reported, by sim time."""
-        return read_reports(self.run).events
-
-
-def _decisions(run: Path, nodes: Sequence[str], networks: Sequence[str]) -> DeliveryRows:
-    """The deliveries of a run, with ``radio`` as places in ``networks``."""
-    rows = DeliveryRows.read(run, nodes)
-    if not DELIVERIES.is_in(run):
-        return DeliveryRows(rows.nodes, rows.columns | {"radio": np.empty(0, dtype=np.intp)})
-    return DeliveryRows(
-        rows.nodes, rows.columns | read_columns(run, DELIVERIES, ("radio",), {"radio": networks})
-    )
+    def _rows_before(self, tick: int) -> int:
+        """How many rows of the decisions were settled before a tick."""
+        return int(self.record.rows_until[tick - 1]) if tick else 0

@@ -22,12 +22,12 @@ from lostlink.compare.summary import mistakes_in_summary
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
 from lostlink.reading.capacity import Capacity
-from lostlink.reading.places import places_of, separation_m
+from lostlink.reading.positions import places_of, separation_m
 from lostlink.reading.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import Run
 from lostlink.report import packets
-from lostlink.report.air import OF_AIR, air_of
+from lostlink.report.air_use import OF_AIR, air_of
 from lostlink.report.scales import plain
 from lostlink.report.tracks import tracks_of
 

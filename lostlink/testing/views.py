@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bridge.bus.keys import ALL
 from bridge.record.tables.deliveries import Cause
-from lostlink.reading.places import distances_m, places_at
+from lostlink.reading.positions import distances_m, places_at
 from lostlink.reading.run import Run
 
 NS_PER_S = 1e9

@@ -121,12 +121,15 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
         ViewDied: a part of the view did.
     """
     player = await asyncio.to_thread(Player.open, run.path)
-    view = view_of(player.scenario)
+    view = view_of(player.record.scenario)
     view.duration_s = player.end_ns / 1e9
     source = RecordSource(player, view, monotonic)
     broadcast = Broadcast(PictureFrames(view), lambda _: None)
-    frames, onboards = _frames(player.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
-    model, routes = Model(player.scenario).curve, _routes(run, view)
+    frames, onboards = (
+        _frames(player.record.scenario),
+        Onboards(run.path, lambda: view.sim_time_ns, view.tell),
+    )
+    model, routes = Model(player.record.scenario).curve, _routes(run, view)
     shown = Shown(run.path.name, view, model, source, frames=frames, onboards=onboards, way=routes.of)
     async with ViewServer(shown, broadcast, settings.server) as server:
         server.background.start(source.run(), "the record")

@@ -15,7 +15,8 @@ from standin.protocols.telemetry import TelemetryProtocol
 from standin.vehicle.auto import Auto
 from standin.vehicle.events import Severity
 from standin.vehicle.mission import ALT_STEP_M, SPEED_KINDS, SpeedKind
-from standin.vehicle.modes import Guided, ModeNumber
+from standin.vehicle.mode import ModeNumber
+from standin.vehicle.modes import Guided
 from standin.vehicle.vehicle import StandinVehicle
 from standin.wire.mavlink_codec import Message
 
@@ -112,7 +113,7 @@ class CommandProtocol:
         mode = self._vehicle.mode
         if request.frame not in RELATIVE_FRAMES or not isfinite(request.alt_m):
             return Result.DENIED
-        if not isinstance(mode, Guided) or not mode.take_off(self._vehicle, request.alt_m):
+        if not isinstance(mode, Guided) or not mode.take_off(request.alt_m):
             return Result.FAILED
         return Result.ACCEPTED
 
@@ -122,7 +123,7 @@ class CommandProtocol:
         result = self._enter(ModeNumber.AUTO)
         mode = self._vehicle.mode
         if isinstance(mode, Auto):
-            mode.start(self._vehicle)
+            mode.start()
         return result
 
     def _set_mission_current(self, request: Request) -> Result:
@@ -148,7 +149,7 @@ class CommandProtocol:
             return Result.FAILED
         if isfinite(speed_mps) and speed_mps > 0.0:
             vehicle.change_speed(SpeedKind.GROUND, speed_mps)
-        vehicle.mode.fly_to(vehicle, vehicle.origin.ned_to(location))
+        vehicle.mode.fly_to(vehicle.origin.ned_to(location))
         return Result.ACCEPTED
 
     def _change_speed(self, request: Request) -> Result:

@@ -163,7 +163,7 @@ class MissionProtocol:
         location = location_from(self._vehicle, *place, message.frame)
         result = dialect.MAV_MISSION_ERROR
         if message.command == Command.WAYPOINT and location is not None and isinstance(mode, Guided):
-            mode.fly_to(self._vehicle, self._vehicle.origin.ned_to(location))
+            mode.fly_to(self._vehicle.origin.ned_to(location))
             result = dialect.MAV_MISSION_ACCEPTED
         self._acknowledge(_sender(message), result, message.mission_type)
 

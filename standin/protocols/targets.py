@@ -39,7 +39,7 @@ def fly_local_target(vehicle: StandinVehicle, message: Message) -> None:
     frame = message.coordinate_frame
     known = frame == dialect.MAV_FRAME_LOCAL_NED or frame in OFFSET_FRAMES
     if not known or not _sane(position or ZERO, POSITION_SANE_MAX_M):
-        mode.stop(vehicle)
+        mode.stop()
         return
     if position is not None and frame in OFFSET_FRAMES:
         offset = _turned(vehicle, position) if frame in BODY_FRAMES else position
@@ -58,7 +58,7 @@ def fly_global_target(vehicle: StandinVehicle, message: Message) -> None:
     if message.type_mask & IGNORE_POSITION:
         _fly(vehicle, mode, None, message)
     elif location is None:
-        mode.stop(vehicle)
+        mode.stop()
     else:
         _fly(vehicle, mode, vehicle.origin.ned_to(location), message)
 
@@ -89,13 +89,13 @@ def _fly(
         yaw_rad = wrapped(vehicle.navigator.yaw_rad + yaw_rad)
     nose = Nose(yaw_rad, turn_radps)
     if velocity is not None and not _sane(velocity, SPEED_SANE_MAX_MPS):
-        mode.stop(vehicle)
+        mode.stop()
     elif position is not None:
-        mode.fly_to(vehicle, position, velocity, nose)
+        mode.fly_to(position, velocity, nose)
     elif velocity is not None:
-        mode.fly_velocity(vehicle, velocity, nose)
+        mode.fly_velocity(velocity, nose)
     else:
-        mode.stop(vehicle)
+        mode.stop()
 
 
 def hold_sticks(vehicle: StandinVehicle, message: Message) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from enum import Enum, auto
 from math import hypot, radians
-from typing import TYPE_CHECKING
 
 from standin.control.quaternion import wrapped, yaw_of
-
-if TYPE_CHECKING:
-    from standin.vehicle.vehicle import StandinVehicle
+from standin.vehicle.mode import Drive
+from standin.vehicle.vehicle import StandinVehicle
 
 SPOOL_RATE_PER_S = 0.5
 SPOOL_START_SHARE = 0.4
@@ -29,16 +27,6 @@ HEIGHT_UNREACHED_M = 0.3
 YAW_HELD_IN_RTL = (0, 2)
 """WP_YAW_BEHAVIOR: never turn, and do not on the way home."""
 ARMED_YAW_NEAR_RAD = radians(2.0)
-
-
-class Drive(Enum):
-    """What the motors do between two decisions of the mode."""
-
-    IDLE = auto()
-    SPOOL = auto()
-    """Level, at the throttle given."""
-    FOLLOW = auto()
-    """Follow the navigator's references."""
 
 
 class Takeoff:

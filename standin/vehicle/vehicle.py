@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from math import acos, degrees, radians
 
 from standin.control.controller import OUTER_STEP_S, FlightController
@@ -10,20 +11,15 @@ from standin.control.navigator import FlightLimits, Navigator
 from standin.control.position_control import GRAVITY_MPS2
 from standin.control.profile import Limits
 from standin.control.quaternion import Vector, euler_from_quaternion, thrust_axis_down
-from standin.vehicle.auto import Auto
 from standin.vehicle.estimates import Battery, WindEstimate
 from standin.vehicle.events import Event, HomeChanged, ModeChanged, Severity, TextEvent
 from standin.vehicle.location import Location
-from standin.vehicle.maneuvers import Drive
 from standin.vehicle.mission import Mission, SpeedKind
-from standin.vehicle.modes import Brake, FlightMode, Guided, Land, Loiter, ReturnToLaunch, Stabilize
+from standin.vehicle.mode import Drive, FlightMode, ModeNumber
 from standin.vehicle.parameters import StandinParameters
 from standin.vehicle.sticks import Sticks
 from standin.wire.sensors import AT_REST, SensedFrame
 
-MODES: dict[int, type[FlightMode]] = {
-    int(mode.number): mode for mode in (Stabilize, Auto, Guided, Loiter, ReturnToLaunch, Land, Brake)
-}
 GPS_FIX_AFTER_S = 1.0
 """Sensor time from the first frame to a GPS fix."""
 ESTIMATE_AFTER_S = 3.0
@@ -39,13 +35,20 @@ GROUND_LIFT_SHARE = 0.65
 SERVOS = 16
 
 
-class StandinVehicle:
-    """A multirotor on the ground or in flight: ``sense`` every sensor frame, then ``step``."""
+Modes = Mapping[int, Callable[["StandinVehicle"], FlightMode]]
 
-    def __init__(self, origin: Location, parameters: StandinParameters) -> None:
-        self.origin = origin
-        """Where position (0, 0, 0) of the sensor frames is."""
-        self.parameters = parameters
+
+class StandinVehicle:
+    """A multirotor on the ground or in flight: ``sense`` every sensor frame, then ``step``.
+
+    Args:
+        origin: where position (0, 0, 0) of the sensor frames is.
+        parameters: their values.
+        modes: by its number, what makes each mode.
+    """
+
+    def __init__(self, origin: Location, parameters: StandinParameters, modes: Modes) -> None:
+        self.origin, self.parameters, self._modes = origin, parameters, modes
         self.home: Location | None = None
         self.mission = Mission()
         self.navigator = Navigator()
@@ -61,7 +64,7 @@ class StandinVehicle:
         """Where the nose was at arming."""
         self.landed = True
         self.taking_off = self.landing = False
-        self.mode: FlightMode = Stabilize()
+        self.mode: FlightMode = modes[ModeNumber.STABILIZE](self)
         self.drive = Drive.IDLE
         self.throttle_given = 0.0
         """Throttle while spooling."""
@@ -192,7 +195,7 @@ class StandinVehicle:
         self._set_home()
         self.say(Severity.INFO, "Arming motors")
         self.tell(ModeChanged())
-        self.mode.enter(self)
+        self.mode.enter()
         return True
 
     def disarm(self, force: bool) -> bool:
@@ -211,13 +214,13 @@ class StandinVehicle:
 
     def set_mode(self, number: int) -> bool:
         """Change the flight mode; on refusal say why and return False."""
-        if number not in MODES:
+        if number not in self._modes:
             self.say(Severity.WARNING, f"No such mode {number}")
             return False
         if number == self.mode.number:
             return True
-        mode = MODES[number]()
-        refusal = mode.refusal(self) if self.armed else ""  # on the ground any mode may be chosen
+        mode = self._modes[number](self)
+        refusal = mode.refusal() if self.armed else ""  # on the ground any mode may be chosen
         if refusal:
             self.say(Severity.WARNING, f"Mode change to {mode.name} failed: {refusal}")
             return False
@@ -227,7 +230,7 @@ class StandinVehicle:
         self.forget_speeds()
         self.tell(ModeChanged())
         self.navigator.start(self.frame)
-        mode.enter(self)
+        mode.enter()
         return True
 
     # --- what the modes ask
@@ -275,7 +278,7 @@ class StandinVehicle:
         self._announce_ready()
         limits = self.limits()
         if self.armed:
-            self.mode.update(self, step_s)
+            self.mode.update(step_s)
             if self.drive is Drive.FOLLOW:
                 self.navigator.step(frame, limits, step_s)
                 self.controller.plan(frame, self.navigator, step_s)
@@ -312,7 +315,7 @@ class StandinVehicle:
             self.landing = False
             self.drive = Drive.IDLE
             self._idle_since_ns = self.sim_time_ns
-            self.mode.touched_ground(self)
+            self.mode.touched_ground()
 
     def _check_idle(self) -> None:
         """Disarm a vehicle that stands armed for longer than DISARM_DELAY, with the throttle stick at zero."""

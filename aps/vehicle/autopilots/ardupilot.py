@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, Final
 
 from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, Manoeuvre, Target
-from aps.vehicle.commands import Step
+from aps.vehicle.commands.plan import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
 from aps.vehicle.flight.steps import (

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from aps.vehicle.commands import Step
+from aps.vehicle.commands.plan import Step
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.state import Vector3, VehicleState
 

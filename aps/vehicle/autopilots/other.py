@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NoReturn
 
 from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, Manoeuvre, Target
-from aps.vehicle.commands import Step
+from aps.vehicle.commands.plan import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_long

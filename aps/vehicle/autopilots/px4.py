@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from aps.vehicle.autopilots.autopilot import LOG_LIST, Circle, Manoeuvre, Target
-from aps.vehicle.commands import Step
+from aps.vehicle.commands.plan import Step
 from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw, global_setpoint, offset_deg

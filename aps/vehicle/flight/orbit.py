@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from aps.vehicle.autopilots.autopilot import Circle
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan
+from aps.vehicle.commands.plan import CommandPlan
 from aps.vehicle.flight.setpoints import Yaw, leg_s, offset_deg, place_of
 from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked, horizontal_distance_m
 from aps.vehicle.state import VehicleState

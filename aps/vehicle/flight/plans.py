@@ -11,7 +11,7 @@ from typing import Final
 
 from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S, REBOOT_TIMEOUT_S
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import ARMING, CommandPlan
+from aps.vehicle.commands.plan import ARMING, CommandPlan
 from aps.vehicle.flight.setpoints import SLOWEST_MPS
 from aps.vehicle.flight.steps import (
     checked,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from aps.vehicle.commands import Step
+from aps.vehicle.commands.plan import Step
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 

@@ -8,13 +8,13 @@ repeats them, as autopilots want it (ArduCopter stops 3 s after the last velocit
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final
 
 from aps.timeouts import MODE_TIMEOUT_S
-from aps.vehicle.autopilots.autopilot import Target
+from aps.vehicle.autopilots.autopilot import Manoeuvre, Target
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan, Echo
+from aps.vehicle.commands.plan import CommandPlan, Echo
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.plans import PLANE_RADIUS_M, change_speed
 from aps.vehicle.flight.setpoints import NO_POSITION, ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
@@ -294,22 +294,7 @@ def velocity(
             return local_setpoint(now, VELOCITY_FRAMES["ned"], None, _turned(now, wanted), yaw)
         return local_setpoint(now, mav_frame, None, wanted, yaw)
 
-    return CommandPlan(
-        "velocity",
-        way.steps,
-        lambda _: False,
-        timeout_s=math.inf,
-        modes=way.modes,
-        needs_armed=True,
-        target=True,
-        setpoint=lambda now, _: setpoint(now),
-        setpoint_period_s=min(
-            1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ), way.longest_period_s
-        ),
-        lead_s=way.lead_s,
-        duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
-        stop_messages=way.stop_messages,
-    )
+    return _repeated(way, "velocity", lambda now, _: setpoint(now), duration_s, rate_hz)
 
 
 def follow(
@@ -351,8 +336,20 @@ def follow(
         there = (*place, height_m - down * elapsed_s)
         return autopilot.global_setpoint(now, there, (north, east, down), yaw)
 
+    return _repeated(way, "follow", setpoint, duration_s, rate_hz)
+
+
+def _repeated(
+    way: Manoeuvre,
+    verb: str,
+    setpoint: Callable[[VehicleState, float], Any],
+    duration_s: float,
+    rate_hz: float,
+) -> CommandPlan:
+    """Setpoints for a time, then a stop."""
+    period_s = 1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ)
     return CommandPlan(
-        "follow",
+        verb,
         way.steps,
         lambda _: False,
         timeout_s=math.inf,
@@ -360,9 +357,7 @@ def follow(
         needs_armed=True,
         target=True,
         setpoint=setpoint,
-        setpoint_period_s=min(
-            1.0 / checked("rate_hz", rate_hz, LEAST_RATE_HZ, MOST_RATE_HZ), way.longest_period_s
-        ),
+        setpoint_period_s=min(period_s, way.longest_period_s),
         lead_s=way.lead_s,
         duration_s=checked("duration_s", duration_s, 0.0, 86_400.0),
         stop_messages=way.stop_messages,

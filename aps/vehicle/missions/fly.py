@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
 from typing import Final
 
 from aps.timeouts import MODE_TIMEOUT_S
+from aps.vehicle.autopilots.autopilot import Manoeuvre
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import CommandPlan, Step
+from aps.vehicle.commands.plan import CommandPlan, Step
 from aps.vehicle.flight.plans import circles_home
 from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
-from aps.vehicle.missions.reached import reached_ns, reached_since, repeats_last
+from aps.vehicle.missions.reached import ReachedItems, reached_since
 from aps.vehicle.state import VehicleState
 
 __all__ = ["fly", "set_current"]
@@ -29,7 +28,6 @@ between a MISSION_CURRENT that is back at the first item, as ArduPilot disarms, 
 _LANDED_STATE: Final = 245
 
 
-@dataclass
 class _End:
     """Whether the mission is complete: the state at the start may still be that of the flight before.
 
@@ -37,59 +35,50 @@ class _End:
     wing whose last item is a return) circles over home.
     """
 
-    start_ms: int
-    reached_ns: int
-    """When an item was last reached, before the start."""
-    modes: tuple[str, ...]
-    return_modes: tuple[str, ...]
-    end_modes: tuple[str, ...]
-    lowest: int
-    """Number of the first item."""
-    is_stale: bool
-    """Whether it still repeats that it has reached the last item, of the flight before."""
-    began: Callable[[VehicleState], bool]
-    """Whether a state shows that it was begun."""
-    was_armed: bool = False
-    """Whether it was armed since: a UA that stands where the flight before has landed it has not flown this one."""
-    begun: bool = False
-    started: bool = False
-    started_reached_ns: int = -1
-    """When an item was last reached, as known when the mission was first seen to be flown."""
-    last_item_ms: float = -inf
-    """When it was last at its last item, by the autopilot's clock."""
-    last_ns: int | None = None
-    """When the last item was first said to be reached."""
+    def __init__(self, start: VehicleState, way: Manoeuvre) -> None:
+        self._start, self._way = start, way
+        self._lowest = first_seq(KINDS["mission"], start.autopilot)
+        self._reached = ReachedItems(start)
+        self._begun = self._started = False
+        self._was_armed = False
+        """Since: a UA that stands where the flight before has landed it has not flown this one."""
+        self._last_item_ms = -inf
+        """When it was last at its last item, by the autopilot's clock."""
 
     def is_there(self, now: VehicleState) -> bool:
-        last_reached_ns = reached_ns(now)
-        self.begun |= self.began(now)
-        self.was_armed |= now.armed
-        if not self.started:
-            self.started = now.mission_state == "ACTIVE" or (not now.mission_state and now.mode in self.modes)
-            self.started_reached_ns = last_reached_ns
+        self._begun |= self._shows_begun(now)
+        self._was_armed |= now.armed
+        if not self._started:
+            is_in_mode = not now.mission_state and now.mode in self._way.modes
+            self._started = now.mission_state == "ACTIVE" or is_in_mode
+            self._reached.starts(now)
         if now.mission_state == "COMPLETE":
-            return self.started or (self.begun and now.time_boot_ms - self.start_ms > STALE_S * 1000.0)
-        if not self.started or now.mission_total < self.lowest:
-            return False
-        self.is_stale &= (
-            now.mission_current >= now.mission_total and last_reached_ns == self.started_reached_ns
-        )
-        at_last = self.is_at_last(now)
-        if at_last:
-            self.last_item_ms = now.time_boot_ms
-        was_at_last = now.time_boot_ms - self.last_item_ms <= LAST_ITEM_GRACE_MS
-        landed = was_at_last and self.was_armed and not now.armed
-        returned = at_last and now.mode in self.return_modes and circles_home(now)
-        newly_reached = last_reached_ns > self.reached_ns and not self.is_stale
-        if newly_reached and now.mode in self.end_modes and now.mission_reached == now.mission_current:
-            return True  # a DO_JUMP at the end is never current
-        if self.last_ns is None and newly_reached and now.mission_reached == now.mission_total:
-            self.last_ns = last_reached_ns
-        return landed or returned or (self.last_ns is not None and not _may_land(now, self.last_ns))
+            since_ms = now.time_boot_ms - self._start.time_boot_ms
+            return self._started or (self._begun and since_ms > STALE_S * 1000.0)
+        return self._started and now.mission_total >= self._lowest and self._has_ended(now)
 
     def is_at_last(self, now: VehicleState) -> bool:
         """Whether it flies the last item, as far as the autopilot says which that is; no mission has none."""
-        return now.mission_total <= now.mission_current and now.mission_total not in range(self.lowest)
+        return now.mission_total <= now.mission_current and now.mission_total not in range(self._lowest)
+
+    def _shows_begun(self, now: VehicleState) -> bool:
+        shown = self._way.steps[-1].shown
+        if shown is not None:
+            return shown(now)
+        return now.mode in self._way.modes or reached_since(self._start, now)
+
+    def _has_ended(self, now: VehicleState) -> bool:
+        at_last = self.is_at_last(now)
+        if at_last:
+            self._last_item_ms = now.time_boot_ms
+        newly_reached = self._reached.take(now)
+        if newly_reached and now.mode in self._way.end_modes and now.mission_reached == now.mission_current:
+            return True  # a DO_JUMP at the end is never current
+        was_at_last = now.time_boot_ms - self._last_item_ms <= LAST_ITEM_GRACE_MS
+        landed = was_at_last and self._was_armed and not now.armed
+        returned = at_last and now.mode in self._way.return_modes and circles_home(now)
+        last_ns = self._reached.last_ns
+        return landed or returned or (last_ns is not None and not _may_land(now, last_ns))
 
 
 def _may_land(now: VehicleState, reached_ns: int) -> bool:
@@ -111,16 +100,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
     """
     way = autopilot_of(state.autopilot).mission(state)
     before = () if first is None else (_current_step(state, first),)
-    end = _End(
-        state.time_boot_ms,
-        reached_ns(state),
-        way.modes,
-        way.return_modes,
-        way.end_modes,
-        first_seq(KINDS["mission"], state.autopilot),
-        repeats_last(state),
-        way.steps[-1].shown or (lambda now: now.mode in way.modes or reached_since(state, now)),
-    )
+    end = _End(state, way)
     return CommandPlan(
         "mission",
         (*before, *way.steps),

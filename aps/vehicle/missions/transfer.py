@@ -13,10 +13,9 @@ from typing import Any, Final
 
 from aps.timeouts import REASON_GRACE_S, TRANSFER_TIMEOUTS_S
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.commands import reasons
 from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq, items_of
-from aps.vehicle.status_text import StatusText
+from aps.vehicle.status_text import StatusText, reasons
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 

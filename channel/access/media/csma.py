@@ -16,11 +16,11 @@ from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Air, Hearing, Receiver
 from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirPacket, Loss, Reply
+from channel.access.packets import AirFrame, AirPacket, Loss, Reply
 from channel.access.queue import QueueLimits, expires_ns
 from channel.access.timing import ACK_BYTES, CTS_BYTES, RTS_BYTES, Wifi
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Foreseeing, World
+from channel.access.world import Foreseeing, World
 from channel.draws import Draws
 
 DATA, ACK, RTS, CTS = "data", "ack", "rts", "cts"

@@ -15,11 +15,11 @@ from typing import Final
 
 from channel.access.agenda import ACTS, SIGNAL_ENDS
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import Loss
+from channel.access.packets import AirFrame, Loss
 from channel.access.queue import QueueLimits
 from channel.access.timing import NS_PER_S, BitRate
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Arrival, Piece, World
+from channel.access.world import Arrival, Piece, World
 from channel.draws import Draws
 
 NORMAL: Final = NormalDist()

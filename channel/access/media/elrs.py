@@ -22,12 +22,12 @@ from channel.access.elrs_modes import (
     ElrsMode,
 )
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirPacket, Loss
+from channel.access.packets import AirFrame, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.stubborn import Fragment, StubbornReceiver, StubbornSender, are_whole
 from channel.access.timing import US
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Piece, World
+from channel.access.world import Piece, World
 from channel.draws import Draws
 
 __all__ = ["ELRS_MODES", "Elrs", "ElrsMode", "ElrsSettings"]

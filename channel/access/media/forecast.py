@@ -6,8 +6,8 @@ import heapq
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from channel.access.packets import AirFrame
 from channel.access.timing import Wifi
-from channel.access.world import AirFrame
 
 
 class Forecast:

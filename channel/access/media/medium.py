@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.agenda import ACTS, Agenda
-from channel.access.packets import AirFate, AirFates, AirPacket, Loss, Outcome, Reply
+from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import AirFrame, Foreseeing, Identified, Rows, Switched, World
+from channel.access.world import Foreseeing, Identified, Rows, Switched, World
 
 if TYPE_CHECKING:
     from channel.access.air import Air

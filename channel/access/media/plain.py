@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 
 from channel.access.air import Air, DeafEar, Hearing
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirPacket, Loss
+from channel.access.packets import AirFrame, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.timing import FrameTiming
-from channel.access.world import AirFrame, World
+from channel.access.world import World
 
 
 class PlainMedium(AccessMedium):

@@ -9,87 +9,26 @@ Source: ArduPilot/SiK 2.2, `Firmware/radio/tdm.c`, `packet.c`, `freq_hopping.c`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from channel.access.agenda import ACTS
 from channel.access.air import Air, DeafEar, Ear, Hearing
 from channel.access.media.medium import AccessMedium
 from channel.access.media.sik_radio import Burst, SikRadio
-from channel.access.media.sik_timing import (
-    NOMINAL_TICK_NS,
-    REAL_TICK_NS,
-    SikTiming,
-    hop_order,
-    sik_timing,
-)
-from channel.access.packets import AirPacket, Loss
+from channel.access.media.sik_timing import SikSettings, hop_order
+from channel.access.packets import AirFrame, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Metering, World
+from channel.access.world import Metering, World
 from channel.draws import Draws
 
 HOST_BUFFER = QueueLimits(0, 1850)
 """Bytes from the host that wait in a radio (Si1000)."""
-MAX_CHANNELS = 50
 DEFAULT_NETID = 25
 LEAST_RADIOS = 2
 """That can talk to each other."""
 UNLIMITED_BYTES = 1 << 31
 """Longer than any packet."""
-
-
-@dataclass(frozen=True, slots=True)
-class SikSettings:
-    """Of all radios, by the names of their parameters; defaults are the firmware's.
-
-    Attributes:
-        air_kbps: AIR_SPEED.
-        ecc: ECC: Golay(23,12).
-        framing: MAVLINK = 1: packets up to 237 B (less at low rates and with ECC) stay whole; else they are a stream.
-        max_window_ms: MAX_WINDOW.
-        duty_cycle_percent: DUTY_CYCLE; 100: no limit.
-        lbt: LBT_RSSI: whether radios listen before they talk.
-        channels: NUM_CHANNELS: 50 at 915 MHz, 10 at 433 and 868.
-        uint8_fault: whether the bytes that fit are reckoned modulo 256, as the firmware does.
-        tick_ns: how long a tick is: `REAL_TICK_NS`, or `NOMINAL_TICK_NS`, by which the firmware reckons.
-        takes_estimate: whether a receiver takes the window in a trailer as it is, which the sender has shortened by too
-            long an estimate of the packet's flight, so that windows open early; else what the sender really has left.
-        locked: whether the radios of a NETID have found each other before instant 0.
-        networks: the nodes of each NETID, two or more; None: the nodes in their order, two by two.
-        netids: of these networks; None: 25 (the default of the firmware), 26 and so on.
-        phases: (node, ticks since the start of its round at instant 0); others are drawn. Of a locked network all
-            follow the first.
-    """
-
-    air_kbps: int = 64
-    ecc: bool = False
-    framing: bool = True
-    max_window_ms: int = 131
-    duty_cycle_percent: int = 100
-    lbt: bool = False
-    channels: int = 50
-    uint8_fault: bool = True
-    tick_ns: int = REAL_TICK_NS
-    takes_estimate: bool = False
-    locked: bool = True
-    networks: tuple[tuple[int, ...], ...] | None = None
-    netids: tuple[int, ...] | None = None
-    phases: tuple[tuple[int, int], ...] = ()
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.channels <= MAX_CHANNELS:
-            raise ValueError(f"{self.channels} channels: 1 to {MAX_CHANNELS}")
-        if not 0 <= self.duty_cycle_percent <= 100:
-            raise ValueError(f"a duty cycle of {self.duty_cycle_percent} %: 0 to 100")
-        if not REAL_TICK_NS <= self.tick_ns <= NOMINAL_TICK_NS:
-            raise ValueError(
-                f"a tick of {self.tick_ns} ns: {REAL_TICK_NS} (real) to {NOMINAL_TICK_NS} (nominal)"
-            )
-
-    def timing(self) -> SikTiming:
-        """In ticks."""
-        return sik_timing(self.air_kbps, ecc=self.ecc, max_window_ms=self.max_window_ms, lbt=self.lbt)
 
 
 class Sik(AccessMedium):

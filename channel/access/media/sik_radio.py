@@ -7,18 +7,22 @@ each at the next tick at which something can change.
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Receiver
 from channel.access.media.sik_stream import ByteStream, Cut
 from channel.access.media.sik_tdm import OWN, Hopping, Tdm, TdmState, Trailer
-from channel.access.media.sik_timing import LBT_TICKS, LEAST_ROOM_BYTES, LINK_TICKS, STATISTICS_BYTES
+from channel.access.media.sik_timing import (
+    LBT_TICKS,
+    LEAST_ROOM_BYTES,
+    LINK_TICKS,
+    STATISTICS_BYTES,
+    SikSettings,
+    SikTiming,
+)
+from channel.access.packets import AirFrame, AirPacket
 from channel.access.words import WordStream
-from channel.access.world import AirFrame
-
-if TYPE_CHECKING:
-    from channel.access.media.sik import Sik
 
 NEVER: Final = -1
 LOOKS_TO_LOSE_LOCK: Final = 40
@@ -31,6 +35,29 @@ class Burst(NamedTuple):
 
     parts: list[Cut]
     trailer: Trailer
+
+
+class SikAir(Protocol):
+    """The medium that SiK radios are on (`channel.access.media.sik`)."""
+
+    agenda: Agenda
+    settings: SikSettings
+    timing: SikTiming
+
+    def next_packet(self, node: int) -> AirPacket | None:
+        """The packet that leaves a node's queue now."""
+
+    def first_packet(self, node: int) -> AirPacket | None:
+        """The packet that would leave a node's queue next."""
+
+    def transmit(self, radio: SikRadio, burst: Burst, frame: AirFrame) -> object:
+        """Put a radio's packet on the air."""
+
+    def samples_noise(self, node: int) -> object:
+        """A radio that might transmit measures the noise."""
+
+    def heard_nobody(self, node: int) -> object:
+        """A radio has had no packet since it last looked."""
 
 
 class SikRadio:
@@ -82,7 +109,7 @@ class SikRadio:
 
     def __init__(
         self,
-        medium: Sik,
+        medium: SikAir,
         node: int,
         others: Collection[int],
         words: WordStream,

@@ -1,4 +1,4 @@
-"""Timing of SiK telemetry radios (3DR, Holybro, RFD900): how their firmware, SiK 2.2, reckons in ticks.
+"""Settings and timing of SiK telemetry radios (3DR, Holybro, RFD900): how their firmware, SiK 2.2, reckons in ticks.
 
 Source: ArduPilot/SiK, `Firmware/radio/tdm.c` (`tdm_init`, `flight_time_estimate`) and `radio_446x.c` (frames).
 """
@@ -23,6 +23,7 @@ LBT_TICKS: Final = 312
 LINK_TICKS: Final = 32_769
 """Between two looks at the link: "0.5 s", really 0.5136 s."""
 UINT8: Final = 256
+MAX_CHANNELS: Final = 50
 
 _PREAMBLE_BYTES, _SYNC_BYTES, _NETID_BYTES, _LENGTH_BYTES, _CRC_BYTES = 8, 2, 2, 1, 2
 _GOLAY_HEADER_BYTES = 6
@@ -148,3 +149,56 @@ def hop_order(netid: int, channels: int) -> tuple[int, ...]:
         other = ((state >> 16) & 0x7FFF) % UINT8 % channels
         order[place], order[other] = order[other], order[place]
     return tuple(order)
+
+
+@dataclass(frozen=True, slots=True)
+class SikSettings:
+    """Of all radios, by the names of their parameters; defaults are the firmware's.
+
+    Attributes:
+        air_kbps: AIR_SPEED.
+        ecc: ECC: Golay(23,12).
+        framing: MAVLINK = 1: packets up to 237 B (less at low rates and with ECC) stay whole; else they are a stream.
+        max_window_ms: MAX_WINDOW.
+        duty_cycle_percent: DUTY_CYCLE; 100: no limit.
+        lbt: LBT_RSSI: whether radios listen before they talk.
+        channels: NUM_CHANNELS: 50 at 915 MHz, 10 at 433 and 868.
+        uint8_fault: whether the bytes that fit are reckoned modulo 256, as the firmware does.
+        tick_ns: how long a tick is: `REAL_TICK_NS`, or `NOMINAL_TICK_NS`, by which the firmware reckons.
+        takes_estimate: whether a receiver takes the window in a trailer as it is, which the sender has shortened by too
+            long an estimate of the packet's flight, so that windows open early; else what the sender really has left.
+        locked: whether the radios of a NETID have found each other before instant 0.
+        networks: the nodes of each NETID, two or more; None: the nodes in their order, two by two.
+        netids: of these networks; None: 25 (the default of the firmware), 26 and so on.
+        phases: (node, ticks since the start of its round at instant 0); others are drawn. Of a locked network all
+            follow the first.
+    """
+
+    air_kbps: int = 64
+    ecc: bool = False
+    framing: bool = True
+    max_window_ms: int = 131
+    duty_cycle_percent: int = 100
+    lbt: bool = False
+    channels: int = 50
+    uint8_fault: bool = True
+    tick_ns: int = REAL_TICK_NS
+    takes_estimate: bool = False
+    locked: bool = True
+    networks: tuple[tuple[int, ...], ...] | None = None
+    netids: tuple[int, ...] | None = None
+    phases: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.channels <= MAX_CHANNELS:
+            raise ValueError(f"{self.channels} channels: 1 to {MAX_CHANNELS}")
+        if not 0 <= self.duty_cycle_percent <= 100:
+            raise ValueError(f"a duty cycle of {self.duty_cycle_percent} %: 0 to 100")
+        if not REAL_TICK_NS <= self.tick_ns <= NOMINAL_TICK_NS:
+            raise ValueError(
+                f"a tick of {self.tick_ns} ns: {REAL_TICK_NS} (real) to {NOMINAL_TICK_NS} (nominal)"
+            )
+
+    def timing(self) -> SikTiming:
+        """In ticks."""
+        return sik_timing(self.air_kbps, ecc=self.ecc, max_window_ms=self.max_window_ms, lbt=self.lbt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, Protocol
 
 from pydantic import Field
 
@@ -18,10 +18,6 @@ from channel.numbers.units import ratio_from_db
 from channel.phy.spectrum import Rows, captured_db, reaches
 from channel.variant import Variant
 from sitl_configs.settings import Settings
-
-if TYPE_CHECKING:
-    from channel.config import RadioConfig
-
 
 ENERGY_OVER_PREAMBLE_DB = 20.0
 """IEEE 802.11-2020, 17.3.10.6: energy alone makes a medium busy 20 dB above the least sensitivity."""
@@ -40,12 +36,13 @@ class RadioOnAir(NamedTuple):
     bandwidth_hz: float
     filter_rows: Rows
 
-    @classmethod
-    def of(cls, config: RadioConfig) -> RadioOnAir:
-        """That of a configuration."""
-        return cls(
-            config.bit_rate_bps, config.bandwidth_hz, config.interference.filter_rows(config.bandwidth_hz)
-        )
+
+class OnAirConfig(Protocol):
+    """A configuration of a radio (`channel.config.RadioConfig`)."""
+
+    @property
+    def on_air(self) -> RadioOnAir:
+        """As media see it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +69,15 @@ class Surroundings:
         world: World,
         nodes: Mapping[str, int],
         seed: int,
-        configs: RadioConfig | Mapping[str, RadioConfig],
+        configs: OnAirConfig | Mapping[str, OnAirConfig],
         noise_floor_dbm: float,
     ) -> Surroundings:
         """Those of nodes with one radio for all, or one each."""
         if isinstance(configs, Mapping):
-            known = {id(config): RadioOnAir.of(config) for config in configs.values()}
+            known = {id(config): config.on_air for config in configs.values()}
             radios = {place: known[id(configs[node])] for node, place in nodes.items()}
         else:
-            radios = dict.fromkeys(nodes.values(), RadioOnAir.of(configs))
+            radios = dict.fromkeys(nodes.values(), configs.on_air)
         return cls(world, nodes, seed, noise_floor_dbm, radios)
 
     @property

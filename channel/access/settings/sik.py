@@ -9,11 +9,12 @@ from pydantic import Field, model_validator
 
 from channel.access.carriers import Carriers
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik, SikSettings
+from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik
 from channel.access.media.sik_timing import (
     AIR_RATES_KBPS,
     NOMINAL_TICK_NS,
     REAL_TICK_NS,
+    SikSettings,
     SikTiming,
     sik_timing,
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,9 @@ from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.fading.waves import lattice
 from channel.geometry import LEVEL_WXYZ, Path, separation_m
+from channel.link.budget import LinkBudget
 from channel.link.emitters.emitter import Emitter
+from channel.link.paths import LinkPaths
 from channel.link.rays import with_reflection
 from channel.link.sight import Sight
 from channel.numbers import special
@@ -30,38 +31,15 @@ DRAWS_OF_SOURCE = 4
 """Line of sight, shadowing, and two for fading."""
 
 
-class Way(Protocol):
-    """The way as the radio counts it."""
-
-    @property
-    def sight(self) -> Sight | None:
-        """The states of the line of sight, if it is drawn."""
-        ...
-
-    def path_of(
-        self,
-        tx_ned_m: FloatArray,
-        rx_ned_m: FloatArray,
-        distance_m: FloatArray,
-        attitude_tx_wxyz: FloatArray | None = None,
-        attitude_rx_wxyz: FloatArray | None = None,
-        frequency_hz: FloatArray | float | None = None,
-    ) -> Path:
-        """Return the geometry of positions that are known to be good."""
-        ...
-
-    def loss_db(self, path: Path, /) -> FloatArray:
-        """Return what the way takes, dB."""
-        ...
-
-
 class Disturbance:
     """Noise and everything that is not the wanted signal.
 
     Args:
         config: of the radio.
         emitters: of the run.
-        way: of the radio.
+        paths: of links.
+        budget: of links.
+        sight: the states of the line of sight, if it is drawn.
 
     Attributes:
         emitters: those that it hears: their spectrum comes as near as the last row of the receiver's filter.
@@ -72,10 +50,17 @@ class Disturbance:
         ChannelInputError: more of them have a duty between 0 and 1 than can be averaged over.
     """
 
-    def __init__(self, config: RadioConfig, emitters: Sequence[Emitter], way: Way) -> None:
+    def __init__(
+        self,
+        config: RadioConfig,
+        emitters: Sequence[Emitter],
+        paths: LinkPaths,
+        budget: LinkBudget,
+        sight: Sight | None,
+    ) -> None:
         law = config.interference
         self._config = config
-        self._way = way
+        self._paths, self._budget, self._sight = paths, budget, sight
         self._floor_dbm = config.noise_floor_dbm
         rows = law.filter_rows(config.bandwidth_hz)
         self.emitters = tuple(
@@ -90,7 +75,7 @@ class Disturbance:
             captured_db(carrier_hz - config.frequency_hz, each.bandwidth_hz, rows)
             for each, carrier_hz in zip(self.sources, self._carriers_hz, strict=True)
         ]
-        is_random = config.shadowing.is_random or config.fading.is_random or way.sight is not None
+        is_random = config.shadowing.is_random or config.fading.is_random or sight is not None
         self.varies = bool(self.sources) and is_random
 
     def noise_dbm(
@@ -147,7 +132,7 @@ class Disturbance:
         place = np.broadcast_to(_place_of(self.sources[number], path), path.position_rx_ned_m.shape)
         distance_m = separation_m(place, path.position_rx_ned_m)
         carrier_hz, attitude = self._carriers_hz[number], path.attitude_rx_wxyz
-        way = self._way.path_of(place, path.position_rx_ned_m, distance_m, None, attitude, carrier_hz)
+        way = self._paths.of(place, path.position_rx_ned_m, distance_m, None, attitude, carrier_hz)
         return way._replace(tx_is_base=np.logical_not(path.rx_is_base), rx_is_base=path.rx_is_base)
 
     def _mean_dbm(self, number: int, way: Path) -> FloatArray:
@@ -160,18 +145,18 @@ class Disturbance:
             gain_db = gain_db + antenna.towards_db(way.way_ned)
         way = with_reflection(way, config.propagation, antenna, config.receiving_antenna)
         received_db = gain_db + config.offset_db - config.receiving_cable_loss_db + self._captured_db[number]
-        return np.asarray(source.power_dbm + received_db - self._way.loss_db(way))
+        return np.asarray(source.power_dbm + received_db - self._budget.loss_db(way))
 
     def _mean_gain_db(self, way: Path) -> FloatArray | float:
-        return 0.0 if self._way.sight is None else self._way.sight.mean_gain_db(way)
+        return 0.0 if self._sight is None else self._sight.mean_gain_db(way)
 
     def _gain_db(self, way: Path, uniform: FloatArray) -> FloatArray | float:
         """Return what the random terms add for draws of shape (DRAWS_OF_SOURCE, ...)."""
         shadowing, fading = self._config.shadowing, self._config.fading
         sight_normal, shadow_normal = special.ndtri(uniform[:2])
         gain_db: FloatArray | float = 0.0
-        if self._way.sight is not None:
-            gain_db = -self._way.sight.loss_db(way, sight_normal, shadow_normal)
+        if self._sight is not None:
+            gain_db = -self._sight.loss_db(way, sight_normal, shadow_normal)
         elif shadowing.is_random:
             gain_db = -shadowing.loss_db(np.asarray(shadow_normal))
         if fading.is_random:

@@ -30,7 +30,7 @@ from channel.medium.judge.check import (
     exact_check,
 )
 from channel.medium.judge.heard import HeardPower, heard_power
-from channel.medium.judge.places import PowersAtPlaces
+from channel.medium.judge.powers_at_places import PowersAtPlaces
 from channel.medium.judge.taken import Taken
 from channel.medium.links import LinksOfPass
 from channel.numbers import special

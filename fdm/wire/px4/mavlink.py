@@ -22,8 +22,6 @@ MAGIC_2, MAGIC_1 = 0xFD, 0xFE
 _MAGIC = re.compile(rb"[\xfd\xfe]")
 _HEADER_2, _HEADER_1, _CHECKSUM, _SIGNATURE = 10, 6, 2, 13
 _SIGNED = 0x01
-PAYLOAD_MAX_BYTES = 255
-FRAME_MAX_BYTES = _HEADER_2 + PAYLOAD_MAX_BYTES + _CHECKSUM + _SIGNATURE
 
 DROP_REASONS = ("bad_checksum", "noise_bytes", "other_messages")
 

@@ -13,8 +13,8 @@ from channel.preset_errors import PresetError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import scenario_with, setting_options
 from lostlink.flight.say import say
+from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
-from lostlink.plan.told import lines_of
 
 
 @click.command(short_help="Check a scenario and print the plan of its run.")

@@ -19,7 +19,7 @@ from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_asked
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import px4_option
-from lostlink.compare.told import CompareProgress
+from lostlink.compare.output import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
 from lostlink.flight.say import say
 from lostlink.flight.signals import signals_held
@@ -139,7 +139,7 @@ def _tell_before(planned: ReflightPlan, directory: RunDirectory, *, silent: bool
 
 
 def _report(planned: ReflightPlan, outcome: Reflight, *, as_json: bool) -> NoReturn:
-    from lostlink.refly.told import as_plain, as_text
+    from lostlink.refly.output import as_plain, as_text
 
     for remark in outcome.remarks:
         tell(remark)

@@ -12,7 +12,7 @@ import click
 from lostlink.cli.exits import fail
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.shown_table import print_table
-from lostlink.compare.told import CompareProgress, as_plain, as_text
+from lostlink.compare.output import CompareProgress, as_plain, as_text
 from lostlink.flight.say import say
 
 if TYPE_CHECKING:

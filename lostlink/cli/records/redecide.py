@@ -66,9 +66,9 @@ def redecide(
     progress = _Progress(silent=silent)  # whose clock goes while modules are imported
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
+    from lostlink.redecision.output import agrees, plain_of
     from lostlink.redecision.redecide import decide
     from lostlink.redecision.rewrite import check_is_free
-    from lostlink.redecision.told import agrees, plain_of
     from lostlink.redecision.whole_run import write_whole_run
 
     try:
@@ -129,7 +129,7 @@ class _Written:
 
 
 def _tell(result: Redecision, out: Path | None, summary: dict[str, Any] | None, *, quiet: bool) -> None:
-    from lostlink.redecision.told import sentence, tables, verdict_on
+    from lostlink.redecision.output import sentence, tables, verdict_on
 
     if not quiet:
         for table in tables(result.comparison):

@@ -144,7 +144,7 @@ def _session(
             yield session, keys, connect
         return
     with (
-        playing_place(out, name, player.scenario, port) as place,
+        playing_place(out, name, player.record.scenario, port) as place,
         open_router(place.info.endpoint, place.guard) as session,
     ):
         session.declare_alive(place.keys.alive("router"))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from bridge.bus.messages import CommunicationMatrix, Fates, Header, Links, Packet, encode
-from bridge.radio.picture import Picture
 from bridge.record import names
 from bridge.record.packets import packets_of
 from bridge.record.radio_switches import switches_of
@@ -17,18 +16,16 @@ from bridge.record.streams import stream_exists
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     FIGURES,
-    Cause,
     fates_message,
     for_each_receiver,
     labels_of,
 )
 from bridge.record.tables.schema import Columns
 from bridge.scenario.model import Scenario
-from channel.medium.ledger import Ledger
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.source import FOREVER_NS, Feed, Item, Slices
-from lostlink.reading.rows import take_rows
+from lostlink.reading.known_links import KnownLinks
 
 
 class RadioSource:
@@ -42,11 +39,10 @@ class RadioSource:
 
     def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
-        self._radios = switches_of(scenario, run)
+        self._links = KnownLinks(self._nodes, switches_of(scenario, run))
         self._networks = scenario.network_names
         labels = labels_of(self._nodes) | {"radio": self._networks}
         self._slices = Slices(run, DELIVERIES, labels, by="received_ns")
-        self._picture, self._ledger = Picture(self._nodes), Ledger(self._nodes, causes=tuple(Cause))
         self._held_ns: int | None = None  # the newest tick, if its links were not due
         settings = file.settings
         self._channels = {
@@ -61,7 +57,7 @@ class RadioSource:
             yield from self._ticks(self._in_ticks(columns))
         links = self._channels["links"]
         if time_ns == FOREVER_NS and self._held_ns is not None and links is not None:
-            yield self._held_ns, links, encode(self._links(self._held_ns))
+            yield self._held_ns, links, encode(self._links.report(self._held_ns))
 
     def _ticks(self, columns: Columns) -> Iterator[Item]:
         ends = np.flatnonzero(np.diff(columns["tick_ns"])) + 1
@@ -77,7 +73,7 @@ class RadioSource:
         return for_each_receiver(columns | figures | {"tick_ns": ticks_ns}, len(self._nodes))
 
     def _tick(self, tick_ns: int, rows: Columns) -> Iterator[Item]:
-        take_rows(rows, self._picture, self._ledger)
+        self._links.take(rows)
         for kind, channel in self._channels.items():
             is_due = channel is not None and channel.is_due(tick_ns)
             if kind == "links":
@@ -87,13 +83,10 @@ class RadioSource:
             if kind == "fates":
                 message: Any = fates_message(tick_ns, self._nodes, rows, self._networks)
             elif kind == "links":
-                message = self._links(tick_ns)
+                message = self._links.report(tick_ns)
             else:
-                message = self._picture.matrix(tick_ns)
+                message = self._links.picture.matrix(tick_ns)
             yield tick_ns, channel, encode(message)
-
-    def _links(self, tick_ns: int) -> Links:
-        return self._picture.links(tick_ns, self._ledger, self._radios.off_at(tick_ns))
 
 
 def packets_source(run: Path, file: McapFile, node: str, prefix: str) -> Feed | None:

@@ -11,12 +11,11 @@ from bridge.bus.identity.keyring import Keyring
 from bridge.bus.identity.roster import roster
 from bridge.bus.keys import checked_chunk
 from bridge.bus.session import free_port
-from bridge.run.directory import SECRETS_FOLDER, RunDirectory
+from bridge.run.directory import SECRETS_FOLDER, RunDirectory, new_directory
 from bridge.scenario.model import Scenario
 
 HOST = "127.0.0.1"
 PREFIX = "replay-"
-NAMES_MAX = 1000
 
 
 @contextmanager
@@ -33,7 +32,7 @@ def playing_place(parent: Path, name: str, scenario: Scenario, port: int) -> Ite
         ValueError: the name cannot be part of a key.
         OSError: it cannot be made.
     """
-    path = _made(parent, checked_chunk(name))
+    path = new_directory(parent, checked_chunk(name))
     try:
         nodes = scenario.stations
         keyring = Keyring.create(path / SECRETS_FOLDER, roster(nodes, {}, ()))
@@ -46,14 +45,3 @@ def playing_place(parent: Path, name: str, scenario: Scenario, port: int) -> Ite
             keyring.remove()
     finally:
         shutil.rmtree(path)
-
-
-def _made(parent: Path, name: str) -> Path:
-    for suffix in ("", *(f"-{n}" for n in range(2, NAMES_MAX))):
-        path = parent / f"{name}{suffix}"
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        return path
-    raise FileExistsError(f"{parent / name}: there are too many of that name")

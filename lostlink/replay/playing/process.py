@@ -48,7 +48,7 @@ class ReplayProcess:
         self._loop = loop
         self._keys = keys
         self._on_moment = on_moment
-        self._publisher = MomentPublisher(session, keys, controls.player.scenario)
+        self._publisher = MomentPublisher(session, keys, controls.player.record.scenario)
         self._asked: queue.SimpleQueue[Query | None] = queue.SimpleQueue()
         session.serve(keys.clock_command("*"), self._take)
 

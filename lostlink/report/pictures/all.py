@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from lostlink.report.pictures.air import draw_air_delay, draw_air_use
+from lostlink.report.pictures.air_use import draw_air_delay, draw_air_use
 from lostlink.report.pictures.motion import draw_heights, draw_map
 from lostlink.report.pictures.radio import draw_ages, draw_delivery, draw_losses, draw_matrix, draw_powers
 

@@ -83,7 +83,7 @@ class RecordSource:
     async def run(self) -> None:
         """Play until cancelled."""
         with suppress(OSError, ValueError):  # is reported when they are looked up
-            await asyncio.to_thread(lambda: self._player.states)
+            await asyncio.to_thread(lambda: self._player.record.states)
         told_s = self._clock()
         while True:
             self.play()

@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from channel import presets
-from channel.access.world import AirFrame, Piece
+from channel.access.packets import AirFrame
+from channel.access.world import Piece
 from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.medium.simulate import simulate

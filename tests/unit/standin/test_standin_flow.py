@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from standin.autopilot import MODES
 from standin.protocols.endpoint import MavlinkEndpoint
 from standin.protocols.flow import FlowControl
 from standin.protocols.streams import Streams
@@ -65,7 +66,7 @@ class Port:
     """A port of a vehicle at rest."""
 
     def __init__(self, baud: int) -> None:
-        self.vehicle = StandinVehicle(Location(47.0, 8.0, 500.0), StandinParameters())
+        self.vehicle = StandinVehicle(Location(47.0, 8.0, 500.0), StandinParameters(), MODES)
         self.endpoint = MavlinkEndpoint(self.vehicle, 0, baud)
         self.endpoint.connect()
         self.now_ns = 0
@@ -114,7 +115,7 @@ def test_a_list_takes_three_tenths_of_the_line() -> None:
 
 
 def test_what_happens_to_the_vehicle_is_told_at_all_ports() -> None:
-    vehicle = StandinVehicle(Location(47.0, 8.0, 500.0), StandinParameters())
+    vehicle = StandinVehicle(Location(47.0, 8.0, 500.0), StandinParameters(), MODES)
     ports = MavlinkEndpoint(vehicle, 0), MavlinkEndpoint(vehicle, 0, BAUD)
     for port in ports:
         port.told_together = ports

@@ -1073,7 +1073,7 @@ def test_after_a_landing_a_mission_begins_anew(
     ready.run(0.1)
     vehicle = ready.autopilot.vehicle
     vehicle.landed = True
-    vehicle.mode.touched_ground(vehicle)
+    vehicle.mode.touched_ground()
     ready.run(11.0)
     assert not vehicle.armed
     assert reached(ready) == told
@@ -1205,7 +1205,7 @@ def test_a_missions_speed_ends_with_its_way_home(ready: Bench) -> None:
 def test_brake_stops_where_the_vehicle_is(ready: Bench) -> None:
     in_the_air(ready)
     vehicle = ready.autopilot.vehicle
-    vehicle.mode.fly_to(vehicle, (100.0, 0.0, -20.0))  # type: ignore[attr-defined]
+    vehicle.mode.fly_to((100.0, 0.0, -20.0))  # type: ignore[attr-defined]
     assert results(ready.command(176, 1, 17)) == [(176, 0)]
     assert vehicle.navigator.point_m is None
     assert [m.custom_mode for m in ready.run(1.1) if m.get_type() == "HEARTBEAT"][-1] == 17

@@ -120,8 +120,8 @@ def test_one_process_and_many_have_the_same_groups_and_what_reads_a_record_has_t
     of_main = longer[(longer.tx == "g1") & (longer.radio == "main") & (longer.seq == longer.seq.max())]
     assert sorted(of_main.rx.astype(str)) == ["0", "g2"]  # what was too long for the group is for the group
     assert set(of_main.fate.astype(str)) == {"delivered"}
-    player = Player(one.path)
-    sent = Counter(player.sent[player.nodes.index("g1")].to.tolist())
+    player = Player.open(one.path)
+    sent = Counter(player.record.sent[player.record.nodes.index("g1")].to.tolist())
     assert (sent[-3], sent[-2], sent[2]) == (22, 1, 1)  # ears and scouts, in the order of names
     totals = content_of(one)["totals"]
     assert totals["sent"] == (was.packets * was.rx.map(lambda rx: 3 if rx == "all" else 1).astype(int)).sum()

@@ -9,8 +9,8 @@ import pytest
 
 from bridge.scenario.file import parse_scenario
 from lostlink import redecide
+from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
-from lostlink.plan.told import lines_of
 from lostlink.redecision.rewrite import write_deliveries
 from tests.integration.bridge.radio.test_air import RADIO, SCENARIO, Flown, balances, flown, node, rows
 

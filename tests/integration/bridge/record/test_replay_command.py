@@ -210,7 +210,7 @@ from lostlink.replay.playing import process
 
 process.MomentPublisher = lambda *_: None
 served = SimpleNamespace(serve=lambda *_: None)
-played = SimpleNamespace(player=SimpleNamespace(scenario=None))
+played = SimpleNamespace(player=SimpleNamespace(record=SimpleNamespace(scenario=None)))
 replay = process.ReplayProcess(served, SimpleNamespace(clock_command=str), played)
 replay._patience_s, replay._play = lambda: 0.0, lambda: True  # always about to look whether somebody asked
 signal.signal(signal.SIGALRM, lambda *_: replay.stop())

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.callbacks import Callbacks
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commander import Commander
-from aps.vehicle.commands import CommandExecution
+from aps.vehicle.commands.command_execution import CommandExecution
 from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.missions import fly
@@ -141,7 +141,7 @@ def test_a_newer_velocity_does_not_wait_for_setpoints_anew():
     flight.run(0.4)
     newer = Flight(targets.velocity(HOVERS, 2.0, 0.0), flight.state)
     newer.now_ns = flight.now_ns
-    newer.execution.leads_on(flight.execution)
+    newer.execution.setpoints.leads_on(flight.execution.setpoints)
     newer.run(0.25)
     assert len(newer.of("COMMAND_LONG")) == 1
     fresh = Flight(targets.velocity(HOVERS, 2.0, 0.0))

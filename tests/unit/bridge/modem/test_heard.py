@@ -10,9 +10,9 @@ import pytest
 
 from bridge.modem.heard import HeardWorld, RadioMeter
 from bridge.modem.pair import AIR, GROUND
-from bridge.modem.places import apart
 from bridge.modem.radio_link import LinkPlan, RadioLink
 from bridge.modem.settings import counts_foreign, peers_of
+from bridge.modem.tracks import apart
 from channel.access import world as access_world
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket

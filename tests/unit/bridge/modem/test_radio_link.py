@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from bridge.modem.pair import AIR, GROUND
-from bridge.modem.places import apart
 from bridge.modem.radio_link import LinkPlan, RadioLink
+from bridge.modem.tracks import apart
 from channel.link.radio import Radio
 from channel.medium.reception import Fate
 from channel.presets import load_radio

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bridge.bus.keys import Address
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.bus.session import Stamp
-from bridge.radio.air import NetworkAir, Settled
+from bridge.radio.network_air import NetworkAir, Settled
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
 from channel.link.radio import Radio

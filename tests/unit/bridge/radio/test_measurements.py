@@ -11,9 +11,9 @@ import pytest
 from bridge.agents.measurements import Measurement
 from bridge.bus.messages import Header, Heard, Quaternion, Truth, Vector3, decode, encode
 from bridge.host.arrivals import hand_out
-from bridge.radio.air import NetworkAir
 from bridge.radio.heard import Hosts
 from bridge.radio.measurements import RfSensors, Told, as_message
+from bridge.radio.network_air import NetworkAir
 from bridge.radio.radio import SettledTick
 from bridge.radio.ring import Ring
 from bridge.radio.senders import Refused

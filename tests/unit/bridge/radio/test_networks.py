@@ -8,8 +8,8 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import Header, Heard, decode, encode
 from bridge.bus.session import Stamp
 from bridge.host.arrivals import hand_out
-from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.heard import Hosts
+from bridge.radio.network_air import NetworkAir, Settled
 from bridge.radio.picture import Picture
 from bridge.radio.radio import SettledTick
 from bridge.radio.ring import Ring

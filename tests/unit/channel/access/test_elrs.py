@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsMode, ElrsSettings, hop_sequence
-from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.stubborn import NOTHING, Fragment, StubbornReceiver, StubbornSender, are_whole
 from channel.access.words import WordStream
-from channel.access.world import AirFrame, Arrival, Piece, PlainWorld
+from channel.access.world import Arrival, Piece, PlainWorld
 from channel.draws import Draws
 
 MS, S = 1_000_000, 1_000_000_000

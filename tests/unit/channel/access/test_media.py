@@ -17,12 +17,12 @@ from channel.access.media.elrs import Elrs
 from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import Sik
 from channel.access.media.tdma import Schedule, Tdma
-from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
+from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.settings.base import Surroundings
 from channel.access.settings.csma import CsmaMedium
 from channel.access.timing import BitRate, wifi_a, wifi_b, wifi_g
-from channel.access.world import AirFrame, Piece, PlainWorld, World
+from channel.access.world import Piece, PlainWorld, World
 from channel.link.radio import Radio
 from channel.network.radio_world import RadioWorld
 from channel.presets import load_radio

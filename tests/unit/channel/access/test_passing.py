@@ -12,10 +12,10 @@ from channel.access.media.forecast import Forecast
 from channel.access.media.medium import AccessMedium
 from channel.access.media.schedule import Schedule, Slot
 from channel.access.media.tdma import Tdma
-from channel.access.packets import AirFate, AirFates, AirPacket, Loss
+from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, wifi_g
-from channel.access.world import AirFrame, Arrival, PlainWorld, World
+from channel.access.world import Arrival, PlainWorld, World
 from channel.link.radio import Radio
 from channel.network.radio_world import RadioWorld
 from channel.presets import load_radio

@@ -12,14 +12,14 @@ from statistics import mean, median
 import numpy as np
 import pytest
 
-from channel.access.media.sik import Sik, SikSettings
+from channel.access.media.sik import Sik
 from channel.access.media.sik_stream import ByteStream
-from channel.access.media.sik_timing import NOMINAL_TICK_NS, hop_order, sik_timing
-from channel.access.packets import AirFate, AirPacket, Loss, Outcome
+from channel.access.media.sik_timing import NOMINAL_TICK_NS, SikSettings, hop_order, sik_timing
+from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Outcome
 from channel.access.queue import QueueLimits
 from channel.access.settings.base import Locking
 from channel.access.settings.sik import SikMedium
-from channel.access.world import AirFrame, Arrival, PlainWorld
+from channel.access.world import Arrival, PlainWorld
 
 MS, S = 1_000_000, 1_000_000_000
 UNLIMITED = QueueLimits(0)

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from channel.access.packets import PLAIN
+from channel.access.packets import PLAIN, AirFrame
 from channel.access.settings.base import Surroundings
 from channel.access.settings.medium import carriers_of
-from channel.access.world import AirFrame
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, FATES, Packets

@@ -9,9 +9,9 @@ import pytest
 
 from channel.access.air import Hearing
 from channel.access.media.csma import Csma
-from channel.access.packets import PLAIN
+from channel.access.packets import PLAIN, AirFrame
 from channel.access.timing import wifi_g
-from channel.access.world import AirFrame, FrameArrivals, World
+from channel.access.world import FrameArrivals, World
 from channel.link.radio import Radio
 from channel.medium.judge.judge import Judge
 from channel.medium.medium import Medium

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from channel.access.world import AirFrame, Piece
+from channel.access.packets import AirFrame
+from channel.access.world import Piece
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.network.link_world import LinkWorld

@@ -9,9 +9,9 @@ import pytest
 
 from channel.access.media.airtime import AirTime
 from channel.access.media.csma import Csma, DcfSettings
-from channel.access.packets import AirFate, AirPacket, Loss, Reply
+from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Reply
 from channel.access.timing import BitRate, wifi_g
-from channel.access.world import AirFrame, Arrival, PlainWorld
+from channel.access.world import Arrival, PlainWorld
 from channel.draws import Draws
 from channel.routing.mesh.mesh import Mesh, MeshNumbers
 from channel.routing.mesh.originator import Ogm, after_hop, combined

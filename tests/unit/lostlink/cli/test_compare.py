@@ -12,7 +12,7 @@ from bridge.record.names import packets
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from lostlink.cli.records.compare import compare
-from lostlink.compare import told as comparison
+from lostlink.compare import output as comparison
 from tests.unit.bridge.record.runs import make_run
 
 

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from bridge.scenario.file import ScenarioError, parse_scenario
 from lostlink.cli.flying.check import check
+from lostlink.plan.output import lines_of
 from lostlink.plan.plan import RunPlan, plan_of
-from lostlink.plan.told import lines_of
 
 TEXT = """\
 schema: 1

@@ -22,9 +22,9 @@ from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
 from lostlink.reading.rows import DeliveryRows
 from lostlink.redecision.comparison import compare_decisions
+from lostlink.redecision.output import sentence
 from lostlink.redecision.redecide import Redecision, redecide
 from lostlink.redecision.rewrite import write_deliveries
-from lostlink.redecision.told import sentence
 from tests.unit.bridge.scenario.test_named_files import GAINS
 from tests.unit.lostlink.replay.flown import TICK_NS, Router, Sent, everybody, flown, scenario_of, truths
 

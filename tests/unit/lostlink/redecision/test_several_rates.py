@@ -14,8 +14,8 @@ from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import Scenario
 from lostlink.plan.networks import rates_that_differ
 from lostlink.plan.plan import plan_of
-from lostlink.reading.air import NEEDED
 from lostlink.reading.air_account import account_of
+from lostlink.reading.air_use import NEEDED
 from lostlink.reading.capacity import Capacity
 from lostlink.reading.rows import link_rows
 from lostlink.redecision.redecide import redecide

@@ -14,8 +14,8 @@ from bridge.bus.keys import Address
 from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header, Quaternion, Truth, Vector3
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
 from bridge.bus.session import Stamp
-from bridge.radio.air import NetworkAir, Settled
 from bridge.radio.ledger_file import LEDGER, Books, write_ledger
+from bridge.radio.network_air import NetworkAir, Settled
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names

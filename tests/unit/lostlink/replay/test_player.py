@@ -74,7 +74,7 @@ def test_counts_of_links_are_those_of_the_table(run: Path) -> None:
     player = Player.open(run)
     links = player.seek(player.end_ns).links()
     assert list(links.sent) == [90] * 6
-    columns = player.decisions.columns
+    columns = player.record.decisions.columns
     for row, (tx, rx) in enumerate(zip(links.tx, links.rx, strict=True)):
         mine = (columns["tx"] == tx) & (columns["rx"] == rx)
         assert links.delivered[row] == np.count_nonzero(columns["fate"][mine] == 0)
@@ -108,7 +108,7 @@ def test_links_and_fates_are_those_of_the_run_where_packets_take_time(tmp_path: 
         told.append((fates_message(now_ns, NODES, settled.columns, ("main", "tele")), links))
     run = router.close()
     player = Player.open(run)
-    assert np.count_nonzero(player.decisions.columns["fate"] == RUN_ENDED)
+    assert np.count_nonzero(player.record.decisions.columns["fate"] == RUN_ENDED)
     played = [(moment.fates(), moment.links()) for moment in player.moments()]
     assert [[encode(each) for each in tick] for tick in played] == [
         [encode(each) for each in tick] for tick in told

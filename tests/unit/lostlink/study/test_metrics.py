@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lostlink.reading.places import places_of, separation_m
+from lostlink.reading.positions import places_of, separation_m
 from lostlink.reading.run import load_run
 from lostlink.report.content import least_separation_m
 from lostlink.study.metrics import of_tables

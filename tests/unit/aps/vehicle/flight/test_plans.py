@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.vehicle.commands import CommandExecution
+from aps.vehicle.commands.command_execution import CommandExecution
 from aps.vehicle.flight import plans, targets
 from aps.vehicle.telemetry import VehicleState
 
@@ -58,11 +58,11 @@ def test_fixed_wing_takes_off_in_its_own_mode():
     assert (mode.command, mode.param2) == (176, 13)
     execution = CommandExecution(plan)
     execution.poll(PLANE, 0)
-    execution.on_parameter("TKOFF_DIST", 60.0)
+    execution.steps.on_parameter("TKOFF_DIST", 60.0)
     assert execution.poll(PLANE, 1) == []
-    execution.on_parameter("TKOFF_ALT", 50.0)  # the old value, asked for by somebody else
+    execution.steps.on_parameter("TKOFF_ALT", 50.0)  # the old value, asked for by somebody else
     assert execution.poll(PLANE, 1) == []
-    execution.on_parameter("TKOFF_ALT", 60.0)
+    execution.steps.on_parameter("TKOFF_ALT", 60.0)
     (sent,) = execution.poll(PLANE, 2)
     assert sent.get_type() == "COMMAND_LONG"
 

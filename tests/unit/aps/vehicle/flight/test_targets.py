@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from aps.vehicle.commands import CommandExecution
+from aps.vehicle.commands.command_execution import CommandExecution
 from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.flight.setpoints import offset_deg

@@ -71,7 +71,7 @@ class World:
         along = np.outer(self.speed_mps * time_s, (math.cos(turn), math.sin(turn), 0.0))
         tx = np.broadcast_to(np.array([0.0, 0.0, -40.0]), (n, 3))
         rx = np.array([200.0 * math.cos(turn), 200.0 * math.sin(turn), -50.0]) + along
-        path = radio.path_of(tx, rx, np.linalg.norm(rx - tx, axis=-1))
+        path = radio.paths.of(tx, rx, np.linalg.norm(rx - tx, axis=-1))
         mean_dbm = radio.mean_power_dbm(path)
         gain_db = self._gain_db(radio, path, time_s, rng)
         power_dbm = np.rint((mean_dbm + gain_db + self.off_db) * 1e3) / 1e3

@@ -61,7 +61,7 @@ def test_what_agents_said_is_published_if_it_is_wanted(
 ) -> None:
     player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 3, log=said))
     session = Wanting(*wanted)
-    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    publisher = MomentPublisher(session, KEYS, player.record.scenario)  # type: ignore[arg-type]
     for moment in player.moments():
         publisher.publish(moment, Pace(1.0, 0, 0.0))
     assert session.told == told
@@ -74,7 +74,7 @@ def test_keys_of_emitters_that_somebody_wants_do_no_harm(tmp_path: Path) -> None
     session = Wanting(
         *(key for node in ("1", "beacon") for key in (KEYS.rx(node, "*", "*"), KEYS.comm_status(node)))
     )
-    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    publisher = MomentPublisher(session, KEYS, player.record.scenario)  # type: ignore[arg-type]
     for moment in player.moments():
         publisher.publish(moment, Pace(1.0, 0, 0.0))
     assert {key for key, _, _ in session.told} == {KEYS.rx("1", "0", "team"), KEYS.comm_status("1")}
@@ -86,7 +86,7 @@ def test_packets_have_the_encoding_that_they_were_sent_with(tmp_path: Path) -> N
 
     player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 2, send))
     session = Wanting(KEYS.rx("0", "*", "*"), KEYS.rx("1", "*", "*"))
-    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    publisher = MomentPublisher(session, KEYS, player.record.scenario)  # type: ignore[arg-type]
     publisher.publish(next(iter(player.moments())), Pace(1.0, 0, 0.0))
     told = {(key, encoding) for key, encoding, _ in session.told}
     assert told == {(KEYS.rx("1", "0", "team"), "text/plain"), (KEYS.rx("0", "1", "team"), "")}
@@ -104,7 +104,7 @@ def test_all_ticks_are_released_but_the_last(tmp_path: Path) -> None:
     """As in a run, which ends with it."""
     player = Player.open(flown(tmp_path / "made", scenario_of("perfect", ("0", "1")), 3))
     session = Released()
-    publisher = MomentPublisher(session, KEYS, player.scenario)  # type: ignore[arg-type]
+    publisher = MomentPublisher(session, KEYS, player.record.scenario)  # type: ignore[arg-type]
     for moment in player.moments():
         publisher.publish(moment, Pace(1.0, 0, 0.0))
     assert [sim_time_ns for _, sim_time_ns, _ in session.told] == [0, TICK_NS]

@@ -14,7 +14,7 @@ import numpy as np
 
 from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Truth
-from bridge.radio.places import NodePlaces
+from bridge.radio.node_places import NodePlaces
 from bridge.radio.senders import TxPacket
 from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, tick_of

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.timeouts import ACK_TIMEOUTS_S, LINK_LOSS_TIMEOUT_S
-from aps.vehicle.commands import CommandExecution
+from aps.vehicle.commands.command_execution import CommandExecution
 from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import plans, targets
 from aps.vehicle.status_text import StatusText

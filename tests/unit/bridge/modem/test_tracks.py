@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridge.modem.places import Guide, apart_over_time, read_distances
+from bridge.modem.tracks import Guide, apart_over_time, read_distances
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import load_radio

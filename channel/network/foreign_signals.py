@@ -9,7 +9,8 @@ from itertools import pairwise
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS
 from channel.access.media.medium import AccessMedium
-from channel.access.world import AirFrame, Piece
+from channel.access.packets import AirFrame
+from channel.access.world import Piece
 from channel.network.crossing import Crossing
 
 

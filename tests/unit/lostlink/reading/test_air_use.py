@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from bridge.record.tables.deliveries import FATES
-from lostlink.reading.air import (
+from lostlink.reading.air_account import account_of
+from lostlink.reading.air_use import (
     BUSY_NS,
     NEEDED,
     delays_of,
@@ -21,7 +22,6 @@ from lostlink.reading.air import (
     quantiles,
     received_most_bits_per_s,
 )
-from lostlink.reading.air_account import account_of
 from lostlink.reading.capacity import Capacity, rate_text
 from lostlink.reading.rows import LINK, DeliveryRows
 from lostlink.reading.too_long import TooLong, remark_of, warnings_of

@@ -42,5 +42,5 @@ def path_to(radio: Radio, node: str, places: Places, *, is_base: bool) -> Path:
     """
     place = places[node][np.newaxis]
     emitters = {each.name: places[each.name] for each in radio.emitters}
-    path = radio.path_of(place, place, np.zeros(1))
+    path = radio.paths.of(place, place, np.zeros(1))
     return path._replace(emitters_ned_m=emitters, tx_is_base=is_base, rx_is_base=is_base)

@@ -10,7 +10,7 @@ import numpy as np
 
 from bridge.scenario.expectations import PositionExpectation, SeparationExpectation
 from bridge.scenario.model import Scenario
-from lostlink.reading.places import Floats, places_of, separation_m
+from lostlink.reading.positions import Floats, places_of, separation_m
 
 
 class PlaceFinder:

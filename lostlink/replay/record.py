@@ -1,0 +1,116 @@
+"""What a run wrote down, as it is played: ticks, and the tables and streams of what happened at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bridge.radio.picture import LINK_PERIOD_NS
+from bridge.record.events import RunEvent, read_reports
+from bridge.record.radio_switches import switches_of
+from bridge.record.tables.deliveries import DELIVERIES
+from bridge.record.tables.reader import read_columns
+from bridge.record.tables.states import States
+from bridge.record.tables.truth import TRUTH, TrueStates
+from channel.medium.addressees import codes_of
+from lostlink.reading.moved import scenario_of
+from lostlink.reading.rows import RUN_ENDED, DeliveryRows
+from lostlink.reading.sent import SentPackets
+from lostlink.replay.logged import NodeLogged
+from lostlink.replay.measured import ReportedMeasurements
+
+
+class TickedRecord:
+    """The record of one run.
+
+    Args:
+        run: its directory, finished or killed.
+
+    Attributes:
+        scenario: as flown.
+        nodes: ids of the nodes that exchange packets.
+        ticks_ns: all ticks, rising.
+        radios: when each node's radio was off.
+
+    Raises:
+        ValueError: it is no run, or nothing of it was recorded.
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, run: Path) -> None:
+        self.run = run
+        self.scenario = scenario_of(run)
+        self.nodes = self.scenario.transceiver_ids
+        if not TRUTH.is_in(run):
+            raise ValueError(
+                f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
+            )
+        self.truth = TrueStates.read(run, self.scenario.stations)
+        self.ticks_ns = self.truth.ticks_ns
+        if not self.ticks_ns.size:
+            raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
+        self.networks = self.scenario.network_names
+        self.decisions = _decisions(run, self.nodes, self.networks)
+        self.radios = switches_of(self.scenario, run)
+
+    @cached_property
+    def rows_until(self) -> NDArray[np.intp]:
+        """How many rows of the decisions were settled by each tick: what was written after the last is of none."""
+        columns = self.decisions.columns
+        until = np.searchsorted(
+            columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
+        )
+        cut = np.flatnonzero(columns["fate"] == RUN_ENDED)
+        return np.minimum(until, cut[0]) if cut.size else until
+
+    @cached_property
+    def links_due(self) -> NDArray[np.bool_]:
+        """Ticks at which a run publishes link reports."""
+        due, reported_ns = np.zeros(self.ticks_ns.size, dtype=bool), -LINK_PERIOD_NS
+        for tick, sim_time_ns in enumerate(self.ticks_ns.tolist()):
+            if sim_time_ns - reported_ns >= LINK_PERIOD_NS:
+                due[tick], reported_ns = True, sim_time_ns
+        due[-1] = True
+        return due
+
+    # What is read when it is asked for.
+
+    @cached_property
+    def sent(self) -> list[SentPackets]:
+        """What each node transmitted."""
+        places = codes_of(self.nodes, self.scenario.groups)
+        return [SentPackets(self.run, node, places) for node in self.nodes]
+
+    @cached_property
+    def states(self) -> States:
+        """The states of each node."""
+        return States.read(self.run, self.nodes)
+
+    @cached_property
+    def measured(self) -> ReportedMeasurements:
+        """What sensors reported."""
+        return ReportedMeasurements(self.run, self.scenario, self.nodes)
+
+    @cached_property
+    def logged(self) -> dict[str, NodeLogged]:
+        """What the agent of each node logged."""
+        return {node: NodeLogged(self.run, node) for node in self.nodes}
+
+    @cached_property
+    def events(self) -> tuple[RunEvent, ...]:
+        """What the processes of the run reported, by sim time."""
+        return read_reports(self.run).events
+
+
+def _decisions(run: Path, nodes: Sequence[str], networks: Sequence[str]) -> DeliveryRows:
+    """The deliveries of a run, with ``radio`` as places in ``networks``."""
+    rows = DeliveryRows.read(run, nodes)
+    if not DELIVERIES.is_in(run):
+        return DeliveryRows(rows.nodes, rows.columns | {"radio": np.empty(0, dtype=np.intp)})
+    return DeliveryRows(
+        rows.nodes, rows.columns | read_columns(run, DELIVERIES, ("radio",), {"radio": networks})
+    )
