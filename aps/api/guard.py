@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
-__all__ = ["TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
+from starlette.exceptions import HTTPException
+
+__all__ = ["POLICY_VIOLATION", "TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -95,7 +97,7 @@ class Guard:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         refusal = self._refusal(scope, headers)
         if refusal is None:
-            await self._app(scope, _limited(receive), send)
+            await self._app(scope, self._limited(receive), send)
             return
         status, reason = refusal
         self._count(reason)
@@ -150,6 +152,21 @@ class Guard:
             given = query.get("token", [""])[0]
         return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
 
+    def _limited(self, receive: Receive) -> Receive:
+        """Refuses a body that has no length and turns out to be longer than it may be."""
+        received = 0
+
+        async def limited() -> MutableMapping[str, Any]:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > MAX_BODY_BYTES:
+                self._count("size")
+                raise HTTPException(413, "refused: size")
+            return message
+
+        return limited
+
 
 async def refuse(
     scope: Scope,
@@ -182,16 +199,3 @@ async def _until_gone(receive: Receive) -> None:
     while (message := await receive())["type"] != "http.disconnect":
         if message.get("more_body"):
             await asyncio.sleep(HOLD_S)
-
-
-def _limited(receive: Receive) -> Receive:
-    """Ends a body that is longer than it may be, also one without a length."""
-    received = 0
-
-    async def limited() -> MutableMapping[str, Any]:
-        nonlocal received
-        message = await receive()
-        received += len(message.get("body", b""))
-        return {"type": "http.disconnect"} if received > MAX_BODY_BYTES else message
-
-    return limited
