@@ -12,6 +12,8 @@ from typing import Final
 from bridge.scenario.nodes import Aircraft, Transceiver
 
 DEFAULT_SUBNET: Final = "10.42.0.0/24"
+OF_NO_INTERFACE: Final = tuple(map(IPv4Network, ("0.0.0.0/8", "127.0.0.0/8", "224.0.0.0/3")))
+"""This network, loopback, multicast and what is reserved (RFC 6890, table 1 to 16; RFC 1112)."""
 LIMITED_BROADCAST: Final = IPv4Address("255.255.255.255")
 
 
@@ -29,7 +31,7 @@ def subnet_of(text: str) -> IPv4Network:
         subnet = IPv4Network(text)
     except ValueError as error:
         raise AddressMistake(f"{text!r} is no subnet, such as {DEFAULT_SUBNET}: {error}") from error
-    if subnet.is_loopback or subnet.is_multicast or subnet.is_unspecified or subnet.is_reserved:
+    if any(subnet.overlaps(each) for each in OF_NO_INTERFACE):
         raise AddressMistake(f"{subnet} is none that interfaces have; such as {DEFAULT_SUBNET}")
     return subnet
 

@@ -56,7 +56,19 @@ def test_a_subnet_without_room_is_told_with_the_node(
 
 
 @pytest.mark.parametrize(
-    "text", ["10.42.0.1/24", "nothing", "10.42.0.0/33", "127.0.0.0/24", "224.0.0.0/24", "fd00::/64"]
+    "text",
+    [
+        "10.42.0.1/24",
+        "nothing",
+        "10.42.0.0/33",
+        "127.0.0.0/24",
+        "224.0.0.0/24",
+        "fd00::/64",
+        "0.0.0.0/0",
+        "0.0.0.0/8",
+        "126.0.0.0/7",
+        "192.0.0.0/2",
+    ],
 )
 def test_what_is_no_subnet(text: str) -> None:
     with pytest.raises(AddressMistake, match=r"subnet|none that interfaces have"):
