@@ -31,6 +31,8 @@ TOKEN_VARIABLE: Final = "LOSTLINK_API_TOKEN"
 LEAST_TOKEN_CHARS: Final = 16
 TOKEN_CHARS: Final = re.compile(r"[A-Za-z0-9._~+/-]+=*")
 """``b64token`` of RFC 6750 (2.1): what a header and a cookie carry as it is."""
+SCHEME: Final = re.compile("Bearer +", re.IGNORECASE)
+"""Of whatever case, and with one blank or more (RFC 9110, 11.1 and 11.4)."""
 POLICY_VIOLATION: Final = 1008
 """WebSocket close code."""
 HOLD_S: Final = 0.5
@@ -146,10 +148,12 @@ class Guard:
     def _token_fits(self, scope: Scope, headers: dict[str, str]) -> bool:
         if not self._config.token:
             return True
-        given = headers.get("authorization", "").removeprefix("Bearer ")
+        given = SCHEME.sub("", headers.get("authorization", ""))
         if not given:  # a browser's WebSocket cannot send headers
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-            given = query.get("token", [""])[0]
+            given = query.get("token", [""])[0].replace(
+                " ", "+"
+            )  # a token has no blanks, and a + may come as it is
         return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
 
     def _limited(self, receive: Receive) -> Receive:

@@ -12,7 +12,7 @@ from aps.api.guard import ApiConfig, Guard
 TOKEN = "a-token/of+this.test=="
 
 
-def status(config: ApiConfig, host: str, token: str = TOKEN) -> int:
+def status(config: ApiConfig, host: str, token: str = TOKEN, scheme: str = "", query: str = "") -> int:
     sent: list[Any] = []
 
     async def app(_scope: Any, _receive: Any, send: Any) -> None:
