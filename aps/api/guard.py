@@ -31,7 +31,7 @@ TOKEN_VARIABLE: Final = "LOSTLINK_API_TOKEN"
 LEAST_TOKEN_CHARS: Final = 16
 TOKEN_CHARS: Final = re.compile(r"[A-Za-z0-9._~+/-]+=*")
 """``b64token`` of RFC 6750 (2.1): what a header and a cookie carry as it is."""
-SCHEME: Final = re.compile("Bearer +", re.IGNORECASE)
+SCHEME: Final = re.compile(r"\ABearer +", re.IGNORECASE)
 """Of whatever case, and with one blank or more (RFC 9110, 11.1 and 11.4)."""
 POLICY_VIOLATION: Final = 1008
 """WebSocket close code."""

@@ -8,7 +8,7 @@ import pytest
 
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.nodes import Aircraft, GroundNode, Transceiver
-from lostlink.attach.addresses import AddressMistake, addresses_of, name_of, subnet_of
+from lostlink.attach.addresses import AddressMistake, addresses_of, names_of, subnet_of
 
 STILL = StillAgent(type="still")
 
@@ -76,4 +76,11 @@ def test_what_is_no_subnet(text: str) -> None:
 
 
 def test_names() -> None:
-    assert [name_of(node) for node in NODES] == ["ua-0", "gcs", "ua-3", "ua-249", "probe"]
+    assert list(names_of(NODES).values()) == ["ua-0", "gcs", "ua-3", "ua-249", "probe"]
+
+
+@pytest.mark.parametrize(("wrong", "told"), [("ua-3", "node (3|ua-3)"), ("localhost", "node localhost")])
+def test_no_two_hosts_have_one_name(wrong: str, told: str) -> None:
+    """The first in /etc/hosts would get what is for the other."""
+    with pytest.raises(AddressMistake, match=rf"{told} has the name '{wrong}', and so has another host"):
+        names_of([*NODES, ground(wrong)])
