@@ -30,6 +30,9 @@ ENDINGS: Final[dict[int | str, dict[str, Any]]] = {
     503: {"description": "Too many commands are under way"},
     504: {"description": "Timed out"},
 }
+_UNREADABLE: Final[dict[int | str, dict[str, Any]]] = {
+    400: {"description": "The body is not UTF-8, or nested too deep"}
+}
 UNKNOWN: Final[dict[int | str, dict[str, Any]]] = {404: {"description": "There is none"}}
 
 
@@ -111,5 +114,5 @@ def _add_command(app: FastAPI, jobs: Jobs, verb: str, make: Callable[..., Any]) 
         tags=["commands"],
         summary=text.split("\n", 1)[0],
         description=text.replace("    state: the UA now.\n", ""),
-        responses={202: {"description": "Started (wait=false): its number"}, **ENDINGS},
+        responses={202: {"description": "Started (wait=false): its number"}, **_UNREADABLE, **ENDINGS},
     )(endpoint)

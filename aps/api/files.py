@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from fastapi import FastAPI, HTTPException, Request
 from fastapi.responses import PlainTextResponse, Response
+from starlette.requests import ClientDisconnect
 
 from aps.api.backend import Backend
 from aps.api.commands import ENDINGS, run
@@ -35,6 +36,8 @@ async def _read(read: Callable[[str], Any], request: Request) -> Any:
         return read((await request.body()).decode("utf-8"))
     except ValueError as error:
         raise HTTPException(422, str(error)) from error
+    except ClientDisconnect as error:
+        raise HTTPException(400, "the client hung up") from error  # nobody gets it
 
 
 def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:

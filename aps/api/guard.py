@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
-__all__ = ["TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
+from starlette.exceptions import HTTPException
+
+__all__ = ["POLICY_VIOLATION", "TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -29,6 +31,8 @@ TOKEN_VARIABLE: Final = "LOSTLINK_API_TOKEN"
 LEAST_TOKEN_CHARS: Final = 16
 TOKEN_CHARS: Final = re.compile(r"[A-Za-z0-9._~+/-]+=*")
 """``b64token`` of RFC 6750 (2.1): what a header and a cookie carry as it is."""
+SCHEME: Final = re.compile(r"\ABearer +", re.IGNORECASE)
+"""Of whatever case, and with one blank or more (RFC 9110, 11.1 and 11.4)."""
 POLICY_VIOLATION: Final = 1008
 """WebSocket close code."""
 HOLD_S: Final = 0.5
@@ -95,7 +99,7 @@ class Guard:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         refusal = self._refusal(scope, headers)
         if refusal is None:
-            await self._app(scope, _limited(receive), send)
+            await self._app(scope, self._limited(receive), send)
             return
         status, reason = refusal
         self._count(reason)
@@ -144,11 +148,28 @@ class Guard:
     def _token_fits(self, scope: Scope, headers: dict[str, str]) -> bool:
         if not self._config.token:
             return True
-        given = headers.get("authorization", "").removeprefix("Bearer ")
+        given = SCHEME.sub("", headers.get("authorization", ""))
         if not given:  # a browser's WebSocket cannot send headers
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-            given = query.get("token", [""])[0]
+            given = query.get("token", [""])[0].replace(
+                " ", "+"
+            )  # a token has no blanks, and a + may come as it is
         return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
+
+    def _limited(self, receive: Receive) -> Receive:
+        """Refuses a body that has no length and turns out to be longer than it may be."""
+        received = 0
+
+        async def limited() -> MutableMapping[str, Any]:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > MAX_BODY_BYTES:
+                self._count("size")
+                raise HTTPException(413, "refused: size")
+            return message
+
+        return limited
 
 
 async def refuse(
@@ -182,16 +203,3 @@ async def _until_gone(receive: Receive) -> None:
     while (message := await receive())["type"] != "http.disconnect":
         if message.get("more_body"):
             await asyncio.sleep(HOLD_S)
-
-
-def _limited(receive: Receive) -> Receive:
-    """Ends a body that is longer than it may be, also one without a length."""
-    received = 0
-
-    async def limited() -> MutableMapping[str, Any]:
-        nonlocal received
-        message = await receive()
-        received += len(message.get("body", b""))
-        return {"type": "http.disconnect"} if received > MAX_BODY_BYTES else message
-
-    return limited

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from aps.api.backend import Backend
-from aps.vehicle.execution import CommandProgress, CommandResult
+from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from aps.vehicle.messages import plain
 
 __all__ = ["Busy", "Job", "Jobs"]
@@ -99,6 +99,12 @@ class Jobs:
         self._all[job.id] = job
         self._forget_oldest()
         return job
+
+    def close(self) -> None:
+        """No command's end is waited for any more."""
+        for job in self._all.values():
+            if not job.done.done():
+                job.done.set_result(CommandResult(job.verb, Outcome.INTERRUPTED, "the API ends"))
 
     def _forget_oldest(self) -> None:
         ended = [number for number, job in self._all.items() if job.done.done()]

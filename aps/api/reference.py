@@ -160,7 +160,7 @@ def _socket(route: APIWebSocketRoute) -> Iterator[str]:
 def current() -> str:
     """The reference of the API as the code has it."""
     config = DaemonConfig(autopilot="tcp:127.0.0.1:5760", sysid=1)  # nothing is connected to
-    app, _ = build(DaemonBackend(Daemon(config)))
+    app, *_ = build(DaemonBackend(Daemon(config)))
     return reference(app)
 
 

@@ -8,12 +8,13 @@ from importlib import resources
 from typing import Annotated, Any, Final
 
 from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
-from fastapi.exceptions import RequestValidationError
+from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
 
 from aps.api.backend import Backend
 from aps.api.commands import UNKNOWN, add_commands
 from aps.api.files import add_files
+from aps.api.guard import POLICY_VIOLATION
 from aps.api.jobs import Jobs
 from aps.api.links import add_links
 from aps.api.serving import serve_client
@@ -26,12 +27,13 @@ MAX_STATUS_HZ: Final = 10.0
 MAX_MISTAKES: Final = 20
 MAX_CHARS: Final = 200
 """Of what a client sent, that it is told again."""
+NO_JSON: Final = "A body is taken for JSON only with the header Content-Type: application/json"
 MAX_REASON_BYTES: Final = 123
 """Of a WebSocket's close frame (RFC 6455, 5.5)."""
 
 
-def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream]:
-    """The application of one UA, and the stream that is to be closed with it.
+def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream, Jobs]:
+    """The application of one UA, and the stream and the commands that are to be closed with it.
 
     Args:
         backend: the UA.
@@ -44,6 +46,7 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStr
         redoc_url=None,
     )
     app.add_exception_handler(RequestValidationError, _refused)
+    app.add_exception_handler(WebSocketRequestValidationError, _stream_refused)  # type: ignore[arg-type]
     stream = ApiStream(backend)
     jobs = Jobs(backend, stream.tell)
     _add_looks(app, backend)
@@ -51,7 +54,7 @@ def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStr
     add_commands(app, jobs)
     add_files(app, backend, jobs)
     _add_stream(app, stream, backend)
-    return app, stream
+    return app, stream, jobs
 
 
 async def _refused(_request: Request, error: Exception) -> JSONResponse:
@@ -61,12 +64,23 @@ async def _refused(_request: Request, error: Exception) -> JSONResponse:
         {
             "type": one["type"],
             "loc": [step if isinstance(step, int) else _sendable(step) for step in one["loc"]],
-            "msg": _sendable(one["msg"]),
+            "msg": NO_JSON if isinstance(one["input"], bytes) else _sendable(one["msg"]),
             "input": _sendable(repr(one["input"])),
         }
         for one in error.errors()[:MAX_MISTAKES]
     ]
     return JSONResponse({"detail": told}, 422)
+
+
+async def _stream_refused(socket: WebSocket, error: WebSocketRequestValidationError) -> None:
+    """Say which argument of the stream is wrong: before it is accepted, no reason can be given."""
+    first = error.errors()[0]
+    await socket.accept()
+    await _close(socket, f"{first['loc'][-1]}={first['input']}: {first['msg']}")
+
+
+async def _close(socket: WebSocket, mistake: str) -> None:
+    await socket.close(POLICY_VIOLATION, mistake.encode()[:MAX_REASON_BYTES].decode(errors="ignore"))
 
 
 def _sendable(text: str) -> str:
@@ -136,7 +150,7 @@ def _add_stream(app: FastAPI, stream: ApiStream, backend: Backend) -> None:
             for name in names:
                 backend.last_message(name)
         except ValueError as error:
-            await socket.close(1008, str(error).encode()[:MAX_REASON_BYTES].decode(errors="ignore"))
+            await _close(socket, str(error))
             return
         listener = Listener(rate_hz, names)
         if not stream.add(listener):

@@ -49,7 +49,7 @@ class ApiServer:
         return 0 if self._serving is None else self._serving.port
 
     async def __aenter__(self) -> Self:
-        app, self._stream = build(self._backend, has_token=bool(self.config.token))
+        app, self._stream, self._jobs = build(self._backend, has_token=bool(self.config.token))
         serving = Serving(
             Guard(PacedApi(app), self.config, self._count),
             self.config.host,
@@ -68,5 +68,6 @@ class ApiServer:
 
     async def __aexit__(self, *_: object) -> None:
         self._stream.close()
+        self._jobs.close()
         if self._serving is not None:
             await self._serving.__aexit__()

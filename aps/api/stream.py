@@ -45,7 +45,7 @@ class Listener:
         self._waiting: deque[str] = deque()
         self._missed = 0
         self._wake = asyncio.Event()
-        self._due_ns = 0
+        self._due_ns = time.monotonic_ns()
 
     def put(self, event: dict[str, Any]) -> None:
         """Have an event sent."""

@@ -18,6 +18,8 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
         super().__init__(name)
         self._place = (host, port)
         self._transport: asyncio.DatagramTransport | None = None
+        self._latest_bytes = 0
+        """Written last, at once; what is refused is one of these, and each that the kernel then takes no more."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """asyncio: the socket is open."""
@@ -27,11 +29,14 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
         """asyncio: a datagram came."""
         self.on_data(data, self)
 
-    def error_received(self, exc: Exception) -> None:
+    def error_received(self, exc: Exception) -> None:  # noqa: ARG002 (that it was refused is enough)
         """asyncio: nobody listens there yet; the next datagram may arrive."""
+        self.unread_bytes += self._latest_bytes
+        self._latest_bytes = 0
 
     def write_all(self, pieces: Sequence[bytes]) -> None:
         """A datagram each."""
+        self._latest_bytes = 0
         for piece in pieces:
             self.write(piece)
 
@@ -59,6 +64,7 @@ class UdpTarget(_Udp):
     def write(self, data: bytes) -> None:
         """In a datagram."""
         if self._transport is not None:
+            self._latest_bytes += len(data)
             self._transport.sendto(data)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,20 +110,23 @@ def read_distances(file: Path) -> list[tuple[float, float]]:
         ValueError: it is no such file; the text names file and line.
         OSError: it cannot be read.
     """
-    with file.open(encoding="utf-8", newline="") as lines:
-        reader = csv.DictReader(lines)
-        if not set(COLUMNS) <= set(reader.fieldnames or ()):
-            raise ValueError(f"{file}:1: the first line has to name the columns {', '.join(COLUMNS)}")
-        rows: list[tuple[float, float]] = []
-        for row in reader:
-            place = f"{file}:{reader.line_num}"
-            try:
-                time_s, distance_m = (float(row[name] or "") for name in COLUMNS)
-            except ValueError:
-                raise ValueError(f"{place}: {', '.join(COLUMNS)} have to be numbers") from None
-            if mistake := _mistake(time_s, distance_m, rows[-1][0] if rows else None):
-                raise ValueError(f"{place}: {mistake}")
-            rows.append((time_s, distance_m))
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file}: no text in UTF-8 ({error})") from error
+    reader = csv.DictReader(io.StringIO(text, newline=""))
+    if not set(COLUMNS) <= set(reader.fieldnames or ()):
+        raise ValueError(f"{file}:1: the first line has to name the columns {', '.join(COLUMNS)}")
+    rows: list[tuple[float, float]] = []
+    for row in reader:
+        place = f"{file}:{reader.line_num}"
+        try:
+            time_s, distance_m = (float(row[name] or "") for name in COLUMNS)
+        except ValueError:
+            raise ValueError(f"{place}: {', '.join(COLUMNS)} have to be numbers") from None
+        if mistake := _mistake(time_s, distance_m, rows[-1][0] if rows else None):
+            raise ValueError(f"{place}: {mistake}")
+        rows.append((time_s, distance_m))
     if not rows:
         raise ValueError(f"{file}: no row below the first line")
     return rows

@@ -12,11 +12,14 @@ from typing import Final
 from bridge.scenario.nodes import Aircraft, Transceiver
 
 DEFAULT_SUBNET: Final = "10.42.0.0/24"
+LOCALHOST: Final = "localhost"
+OF_NO_INTERFACE: Final = tuple(map(IPv4Network, ("0.0.0.0/8", "127.0.0.0/8", "224.0.0.0/3")))
+"""This network, loopback, multicast and what is reserved (RFC 6890, table 1 to 16; RFC 1112)."""
 LIMITED_BROADCAST: Final = IPv4Address("255.255.255.255")
 
 
 class AddressMistake(ValueError):
-    """A subnet that cannot be used."""
+    """A subnet, or a name, that cannot be used."""
 
 
 def subnet_of(text: str) -> IPv4Network:
@@ -29,7 +32,7 @@ def subnet_of(text: str) -> IPv4Network:
         subnet = IPv4Network(text)
     except ValueError as error:
         raise AddressMistake(f"{text!r} is no subnet, such as {DEFAULT_SUBNET}: {error}") from error
-    if subnet.is_loopback or subnet.is_multicast or subnet.is_unspecified or subnet.is_reserved:
+    if any(subnet.overlaps(each) for each in OF_NO_INTERFACE):
         raise AddressMistake(f"{subnet} is none that interfaces have; such as {DEFAULT_SUBNET}")
     return subnet
 
@@ -59,6 +62,19 @@ def addresses_of(nodes: Iterable[Transceiver], subnet: IPv4Network) -> dict[str,
     return {node_id: IPv4Address(number) for node_id, number in found.items()}
 
 
-def name_of(node: Transceiver) -> str:
-    """What a node is called in the namespace: ``ua-1``, or the id of a ground node."""
-    return f"ua-{node.id}" if isinstance(node, Aircraft) else node.node
+def names_of(nodes: Iterable[Transceiver]) -> dict[str, str]:
+    """What nodes are called in the namespace, by id: ``ua-1``, ground nodes by their ids.
+
+    Args:
+        nodes: on one radio network.
+
+    Raises:
+        AddressMistake: a ground node's id is the name of another host.
+    """
+    found = {node.node: f"ua-{node.id}" if isinstance(node, Aircraft) else node.node for node in nodes}
+    for node_id, name in found.items():
+        if [*found.values(), LOCALHOST].count(name) > 1:
+            raise AddressMistake(
+                f"node {node_id} has the name {name!r}, and so has another host: give it another id"
+            )
+    return found

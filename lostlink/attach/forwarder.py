@@ -29,6 +29,7 @@ class Dropped(StrEnum):
     TOO_LONG = "longer than the MTU"
     NO_NODE = "for no node on the radio"
     TOO_MANY = "more than a node takes in a tick"
+    NOT_READ = "came faster than they could be read"
     NOT_TAKEN = "not taken by the interface"
 
 

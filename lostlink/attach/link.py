@@ -74,25 +74,29 @@ class IpLink:
         self._loop.add_reader(self._tun, self._read)
 
     def close(self) -> None:
-        """Nothing moves any more."""
+        """What the program has sent by its end goes out; then nothing moves any more."""
+        while self._read():
+            pass
         self._loop.remove_reader(self._tun)
         if self._timer is not None:
             self._timer.cancel()
 
     # Out.
 
-    def _read(self) -> None:
+    def _read(self) -> bool:
+        """Some of what there is; returns whether there may be more."""
         for _ in range(READ_AT_ONCE):
             try:
                 raw = os.read(self._tun, PACKET_MAX)
             except BlockingIOError:
-                return
+                return False
             except OSError:  # the program has gone, and its interface with it
                 self._loop.remove_reader(self._tun)
-                return
+                return False
             to = self._forwarder.outgoing(raw)
             if to is not None:
                 self._session.put_bytes(self._keys.enter(self._node, IP, to=to, radio=self._radio), raw)
+        return True
 
     # In.
 

@@ -3,7 +3,8 @@
 SETTINGS is a JSON object, see `InterfaceSettings`. Whoever starts it gets three files through the socket of
 `InterfaceSettings.fd`: the other side of the interface (a TUN device: whole IP packets), and the pidfds of the
 namespace's init and of the program. It answers with a byte when the program may start. The message with the files is a
-remark, empty if all went well, and a message without them says why it could not be made.
+remark, empty if all went well, and a message without them says why it could not be made. The last one is a number: how
+many packets the interface dropped, since they were not read in time.
 
 The processes are three: this one, which waits; the init of a PID namespace, its child; and the program, that one's
 child. Each dies with the one before it, and with the init the kernel kills all that is left in the namespace, in
@@ -13,6 +14,7 @@ whatever session or group it is. SIGTERM to the init goes to all of them.
 from __future__ import annotations
 
 import ctypes
+import errno
 import fcntl
 import json
 import os
@@ -32,6 +34,7 @@ TUN: Final = "/dev/net/tun"
 TUNSETIFF, IFF_TUN, IFF_NO_PI = 0x400454CA, 0x0001, 0x1000
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 0x1
 SIOCSIFADDR, SIOCSIFNETMASK, SIOCSIFMTU, SIOCADDRT = 0x8916, 0x891C, 0x8922, 0x890B
+SIOCSIFTXQLEN: Final = 0x8943
 RTF_UP: Final = 0x1
 MULTICAST, LIMITED_BROADCAST = ("224.0.0.0", "240.0.0.0"), ("255.255.255.255", "255.255.255.255")
 """Address and mask of what is for all nodes."""
@@ -52,6 +55,7 @@ class InterfaceSettings(NamedTuple):
         interface: name of the interface.
         address, netmask: of it.
         mtu_bytes: of it.
+        queue_packets: that wait in it.
         hosts: lines for /etc/hosts.
     """
 
@@ -60,6 +64,7 @@ class InterfaceSettings(NamedTuple):
     address: str
     netmask: str
     mtu_bytes: int
+    queue_packets: int
     hosts: str
 
 
@@ -126,6 +131,8 @@ def open_interface(settings: InterfaceSettings) -> int:
     without_ipv6(settings.interface)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         fcntl.ioctl(control, SIOCSIFMTU, struct.pack("16si20x", name, settings.mtu_bytes))
+        with suppress(PermissionError):  # the machine's root alone may; for others 500 wait
+            fcntl.ioctl(control, SIOCSIFTXQLEN, struct.pack("16si20x", name, settings.queue_packets))
         fcntl.ioctl(control, SIOCSIFADDR, struct.pack("16s16s8x", name, _sockaddr(settings.address)))
         fcntl.ioctl(control, SIOCSIFNETMASK, struct.pack("16s16s8x", name, _sockaddr(settings.netmask)))
         for each in (name, b"lo"):
@@ -207,6 +214,8 @@ def become(command: list[str]) -> NoReturn:
     for number in (signal.SIGPIPE, signal.SIGXFSZ):
         signal.signal(number, signal.SIG_DFL)
     try:
+        if not command[0]:  # Python's ValueError
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
         os.execvp(command[0], command)
     except OSError as error:
         print(f"lostlink: {command[0]}: {error.strerror}", file=sys.stderr)
@@ -246,6 +255,13 @@ def be_init(starter: socket.socket, tun: int, hosts: str, command: list[str]) ->
     return exit_code(status)
 
 
+def dropped_packets(interface: str) -> int:
+    """How many packets the interface had no room for; 0 where /sys does not show the namespace's."""
+    with suppress(OSError):
+        return int(Path("/sys/class/net", interface, "statistics/tx_dropped").read_text(encoding="ascii"))
+    return 0
+
+
 def reap_rest(code: int) -> None:
     """End what the program has left; what does not end in time the kernel kills when this process exits."""
     signal.signal(signal.SIGALRM, lambda *_: os._exit(code))
@@ -278,10 +294,13 @@ def main() -> None:
         init = os.fork()
         if init == 0:
             sys.exit(be_init(starter, tun, settings.hosts, command))
-    os.close(tun)
-    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the program gets them, too
-    sys.exit(exit_code(os.waitpid(init, 0)[1]))
+        os.close(tun)
+        for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)  # the program gets them, too
+        status = os.waitpid(init, 0)[1]
+        with suppress(OSError):  # whoever started this is gone
+            starter.send(str(dropped_packets(settings.interface)).encode())
+    sys.exit(exit_code(status))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Transceiver
 from channel.config import RadioConfig
 from channel.presets import load_radio, radio_from_mapping
-from lostlink.attach.addresses import DEFAULT_SUBNET, addresses_of, name_of, subnet_of
+from lostlink.attach.addresses import DEFAULT_SUBNET, addresses_of, names_of, subnet_of
 
 MTU_MIN_BYTES: Final = 68
 """What IPv4 needs at least (RFC 791, section 3.2)."""
@@ -122,15 +122,15 @@ def plan_of(asked: AttachRequest) -> AttachPlan:
             f"{scenario.title(node.node)} has a modem on its radio {asked.radio}, which sends and hears its "
             "autopilot's or its stations' bytes alone: attach to another radio"
         )
-    near = {each.node: each for each in scenario.nodes_on(asked.radio)}
+    near = scenario.nodes_on(asked.radio)
     return AttachPlan(
         directory,
         access,
         node,
         asked.radio,
         subnet,
-        {each: everybody[each] for each in near},
-        {each: name_of(found) for each, found in near.items()},
+        {each.node: everybody[each.node] for each in near},
+        names_of(near),
         _mtu_bytes(_radio_config(scenario, node, asked.radio), asked),
     )
 

@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
+from bridge.host.node import ENTERING_MAX
 from lostlink.attach import namespace
 from lostlink.attach.namespace import SIGNALLED, InterfaceSettings
 
@@ -37,6 +38,7 @@ class AttachedProgram:
     Attributes:
         tun: the first of the files.
         pidfd: readable when all have ended.
+        unread_packets: that the interface dropped, since they were not read in time; known once it is closed.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class AttachedProgram:
     ) -> None:
         self.tun, self._init, self._program = files
         self._process, self.remark, self._gate = process, remark, gate
+        self.unread_packets = 0
         os.set_blocking(self.tun, False)
         self.pidfd = os.pidfd_open(process.pid)
 
@@ -57,7 +60,9 @@ class AttachedProgram:
             NoProgram: the namespace cannot be made.
         """
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        settings = InterfaceSettings(theirs.fileno(), interface, address, netmask, mtu_bytes, hosts)
+        settings = InterfaceSettings(
+            theirs.fileno(), interface, address, netmask, mtu_bytes, ENTERING_MAX, hosts
+        )
         words = [sys.executable, "-I", str(Path(namespace.__file__)), json.dumps(settings._asdict())]
         with theirs:
             process = subprocess.Popen([*words, *command], pass_fds=[theirs.fileno()])
@@ -88,9 +93,10 @@ class AttachedProgram:
 
     def close(self) -> int:
         """End what is left of it; returns its exit code as a shell has it (128 and the signal that ended it)."""
-        self._gate.close()
         self.kill()
         status = self._process.wait()
+        with self._gate, suppress(OSError):  # if it was killed it has said nothing
+            self.unread_packets = int(self._gate.recv(MESSAGE_MAX) or 0)
         for each in (self.tun, self._init, self._program, self.pidfd):
             os.close(each)
         return status if status >= 0 else SIGNALLED - status

@@ -6,7 +6,9 @@ from math import inf
 from typing import Final
 
 SLOW: Final = 0.99
-"""A run that reaches less than this share of its speed is too slow for what a program measures."""
+"""A run that reaches less than this share of its speed is too slow for what a program measures ..."""
+BEHIND_S: Final = 0.2
+"""... if it is as far behind: a tick that comes late by less says nothing of the run's speed."""
 
 
 class RunClock:
@@ -44,7 +46,7 @@ class RunClock:
     @property
     def warning(self) -> str:
         """What to say of a run that did not keep up with its speed; "" if it did."""
-        if self._due_s >= SLOW * self._took_s:
+        if self._due_s >= SLOW * self._took_s or self._took_s - self._due_s < BEHIND_S:
             return ""
         return (
             f"warning: the run went at {self._due_s / self._took_s:.2f} times the speed that was asked for: rates and "

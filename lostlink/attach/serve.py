@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Final
 
 from bridge.bus.keys import Keys
 from bridge.bus.session import Session
-from lostlink.attach.forwarder import Forwarder
+from lostlink.attach.forwarder import Dropped, Forwarder
 from lostlink.attach.link import IpLink
 from lostlink.attach.plan import AttachPlan
 from lostlink.attach.program import GRACE_S, AttachedProgram
@@ -48,6 +49,7 @@ def attach(plan: AttachPlan, command: Sequence[str], say: Say, warn: Say) -> tup
         for number in _passed_on():  # what is left of the program has to be ended first
             signal.signal(number, signal.SIG_IGN)
         status = program.close()
+        forwarder.dropped += Counter({Dropped.NOT_READ: program.unread_packets})
     return status, forwarder
 
 

@@ -74,12 +74,15 @@ class LiveLink:
         """Open both endpoints; bytes move from now on.
 
         Raises:
-            OSError: one cannot be opened.
+            OSError: one cannot be opened; ``strerror`` begins with its name.
         """
         self._began_ns = time.monotonic_ns()
         for end, endpoint in self.endpoints.items():
             endpoint.on_data = partial(self._received, end)
-            await endpoint.open()
+            try:
+                await endpoint.open()
+            except OSError as error:
+                raise OSError(error.errno, f"{endpoint.name}: {error.strerror or error}") from error
         self._live()
 
     async def close(self) -> None:

@@ -22,6 +22,8 @@ from lostlink.reading.run import load_run
 DEFAULT_RADIO, DEFAULT_DISTANCE_M = "sik-433", 100.0
 PREFIX = "radio."
 HEIGHT_MAX_M = 1e6
+SEEDS = 1 << 63
+"""As many as scenarios have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,8 @@ def plan_of(asked: Asked) -> LinkPlan:
         )
     if not 0.0 <= asked.distance_m <= DISTANCE_MAX_M:
         raise ValueError(f"a distance of {asked.distance_m:g} m: from 0 to {DISTANCE_MAX_M:g} m")
+    if not 0 <= asked.seed < SEEDS:
+        raise ValueError(f"seed {asked.seed}: from 0 to {SEEDS - 1}")
     rows: Sequence[tuple[float, float]] = [(0.0, asked.distance_m)]
     if asked.distances is not None:
         rows = read_distances(asked.distances) if isinstance(asked.distances, Path) else asked.distances

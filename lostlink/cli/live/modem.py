@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import math
 from collections.abc import Callable
@@ -118,7 +119,8 @@ def modem(gcs: str, autopilot: str, duration: float | None, as_json: bool, quiet
     try:
         asyncio.run(_serve(live, duration, hint))
     except OSError as error:
-        fail(f"cannot open the link: {error}; choose another port, or end what has it", FAILED)
+        advice = "; choose another port, or end what has it" if error.errno == errno.EADDRINUSE else ""
+        fail(f"cannot open {error.strerror}{advice}", FAILED)
     told = summary(live, head)
     if as_json:
         click.echo(json.dumps(told))

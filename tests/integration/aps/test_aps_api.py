@@ -515,6 +515,64 @@ async def test_a_stream_of_a_message_with_a_long_name_is_told_why_it_ends(call):
     assert closed.value.rcvd.reason.startswith("there is no MAVLink message 'AAA")
 
 
+@pytest.mark.parametrize("wrong", ["rate_hz=51", "rate_hz=nan", "status_hz=-1", "status_hz=often"])
+async def test_a_stream_with_a_wrong_argument_is_told_which(call, wrong):
+    async with open_stream(f"ws://127.0.0.1:{call.port}/stream?{wrong}") as stream:
+        with pytest.raises(ConnectionClosed) as closed:
+            await stream.recv()
+    assert closed.value.rcvd.code == 1008
+    assert closed.value.rcvd.reason.startswith(f"{wrong}: Input should be ")
+
+
+async def test_a_body_of_another_type_is_told_what_is_taken_for_json(call):
+    status, reply = await call(
+        "POST", "/commands/mode", b'{"mode": "GUIDED"}', Content_Type="application/x-www-form-urlencoded"
+    )
+    assert status == 422
+    assert "Content-Type: application/json" in reply["detail"][0]["msg"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [("POST", "/commands/mode"), ("POST", "/links"), ("PUT", "/plan"), ("PUT", "/parameters")],
+)
+async def test_a_body_without_a_length_is_refused_when_it_is_too_long(
+    call, monkeypatch, caplog, method, path
+):
+    monkeypatch.setattr("aps.api.guard.MAX_BODY_BYTES", 1000)
+    reader, writer = await asyncio.open_connection("127.0.0.1", call.port)
+    with contextlib.closing(writer):
+        head = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+        body = b"3e9\r\n" + b" " * 1001 + b"\r\n0\r\n\r\n"
+        writer.write(head.encode() + b"Transfer-Encoding: chunked\r\n\r\n" + body)
+        assert (await asyncio.wait_for(reader.readline(), 10)).startswith(b"HTTP/1.1 413 ")
+        assert b'{"detail":"refused: size"}' in await asyncio.wait_for(reader.readuntil(b"}"), 10)
+    assert call.server.refused == {"size": 1}
+    assert caplog.text == ""
+
+
+async def test_who_hangs_up_within_a_file_is_no_error(call, daemon, caplog, eventually):
+    for method, path in (("PUT", "/plan"), ("POST", "/parameters/compare")):
+        _, writer = await asyncio.open_connection("127.0.0.1", call.port)
+        writer.write(f"{method} {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n{{".encode())
+        await writer.drain()
+        writer.close()
+        await writer.wait_closed()
+        await call("GET", "/commands")
+    assert "Traceback" not in caplog.text
+
+
+async def test_commands_under_way_when_the_api_ends_are_answered(daemon, caplog):
+    async with ApiServer(DaemonBackend(daemon), ApiConfig()) as server:
+        call = Caller(server.port)
+        asked = asyncio.create_task(call("POST", "/commands/parameter_get", {"name": "NO_SUCH"}))
+        while not (await call("GET", "/commands"))[1]:
+            pass
+    status, reply = await asked
+    assert (status, reply["outcome"], reply["reason"]) == (409, "interrupted", "the API ends")
+    assert caplog.text == ""
+
+
 async def test_a_stream_as_slow_as_a_number_can_say_has_the_state_once(call):
     async with open_stream(f"ws://127.0.0.1:{call.port}/stream?rate_hz=1e-320") as stream:
         assert json.loads(await asyncio.wait_for(stream.recv(), 10))["type"] == "state"

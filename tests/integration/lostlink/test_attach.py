@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import psutil
 import pytest
@@ -207,12 +207,42 @@ def test_the_program_has_interface_addresses_and_names_and_its_exit_code_is_ours
     ("command", "status", "said"),
     [
         (["no-such-program"], 127, "lostlink: no-such-program: No such file or directory\n"),
+        ([""], 127, "lostlink: : No such file or directory\n"),
         (["/"], 126, "lostlink: /: Permission denied\n"),
         (["sh", "-c", "kill -PIPE $$"], 141, ""),
     ],
 )
 def test_exit_codes_are_those_of_a_shell(command: list[str], status: int, said: str, attach: Attach) -> None:
     assert ended(attach("0", "--quiet", "--", *command)) == (status, "", said)
+
+
+@needs_namespace
+def test_what_a_program_sends_by_its_end_is_sent_or_counted(attach: Attach) -> None:
+    """While nobody reads, as many packets wait as a node takes in a tick; those beyond are told."""
+    code = (
+        "import socket, sys\n"
+        "print('here', flush=True)\n"
+        "sys.stdin.readline()\n"
+        "s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\n"
+        "for _ in range(2100):\n    s.sendto(b'x', ('10.42.0.2', 9))\n"
+    )
+    theirs, ours = os.pipe()
+    process = attach("0", "--", sys.executable, "-I", "-c", code, stdin=theirs)
+    os.close(theirs)
+    assert first_line(process) == "here"
+    attached = psutil.Process(process.pid)
+    [outside] = attached.children()
+    attached.suspend()
+    os.close(ours)
+    while outside.status() != psutil.STATUS_ZOMBIE:
+        sleep(0.01)
+    attached.resume()
+    status, _, err = ended(process)
+    assert status == 0
+    assert err.splitlines()[-1] == (
+        "lostlink: 2000 packets sent (58000 bytes), 0 received (0 bytes), "
+        "100 dropped (came faster than they could be read)"
+    )
 
 
 @needs_namespace
@@ -354,7 +384,7 @@ def test_a_run_that_stands_is_slow_unless_an_operator_holds_it(
     router.put(keys.clock, Clock(Header.at(0, "")))
     if is_held:
         router.put(keys.clock_pace, Clock(Header.at(0, ""), paused=True))
-    for _ in range(3):
+    for _ in range(6):
         first_line(attached)
     router.put(keys.clock, Clock(Header.at(1, "")))
     router.put(keys.clock_end, Header.at(1, ""))

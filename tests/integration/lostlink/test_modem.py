@@ -285,6 +285,8 @@ def refused(*words: str) -> tuple[int, str]:
         (["--gcs", "pty", "--autopilot", "pty", "--distance", "1e200"], "a distance of 1e+200 m: from 0 to"),
         (["--gcs", "pty", "--autopilot", "pty", "--heights", "2", "inf"], "heights 2 and inf m: from 0 to"),
         (["--gcs", "pty", "--autopilot", "pty", "--baud", "-1"], "-1 baud"),
+        (["--gcs", "pty", "--autopilot", "pty", "--seed", "-1"], "seed -1: from 0 to 9223372036854775807"),
+        (["--gcs", "pty", "--autopilot", "pty", "--seed", str(2**63)], "seed 9223372036854775808: from 0 to"),
     ],
 )
 def test_mistakes_are_named(words: list[str], said: str) -> None:
@@ -293,9 +295,13 @@ def test_mistakes_are_named(words: list[str], said: str) -> None:
     assert said in output
 
 
-def test_a_port_in_use_is_named() -> None:
+def test_an_end_that_cannot_be_opened_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        status, output = refused("--gcs", f"tcpin::{taken.getsockname()[1]}", "--autopilot", "pty")
+        port = taken.getsockname()[1]
+        status, output = refused("--gcs", f"tcpin::{port}", "--autopilot", "pty")
+        assert status == 1
+        assert output.startswith(f"lostlink: cannot open tcpin:127.0.0.1:{port}: ")
+        assert "address already in use; choose another port, or end what has it" in output
+    status, output = refused("--gcs", "pty", "--autopilot", "udp:nowhere.invalid:14550")
     assert status == 1
-    assert "address already in use" in output
-    assert "choose another port" in output
+    assert output.startswith("lostlink: cannot open udp:nowhere.invalid:14550: ")

@@ -12,7 +12,7 @@ from aps.api.guard import ApiConfig, Guard
 TOKEN = "a-token/of+this.test=="
 
 
-def status(config: ApiConfig, host: str, token: str = TOKEN) -> int:
+def status(config: ApiConfig, host: str, token: str = TOKEN, scheme: str = "Bearer ", query: str = "") -> int:
     sent: list[Any] = []
 
     async def app(_scope: Any, _receive: Any, send: Any) -> None:
@@ -24,8 +24,9 @@ def status(config: ApiConfig, host: str, token: str = TOKEN) -> int:
     async def receive() -> dict[str, Any]:
         return {"type": "http.disconnect"}
 
-    headers = [(b"host", host.encode()), (b"authorization", f"Bearer {token}".encode())]
-    asyncio.run(Guard(app, config, lambda _why: None)({"type": "http", "headers": headers}, receive, send))  # type: ignore[arg-type]
+    headers = [(b"host", host.encode()), (b"authorization", f"{scheme}{token}".encode())]
+    scope = {"type": "http", "headers": headers, "query_string": query.encode()}
+    asyncio.run(Guard(app, config, lambda _why: None)(scope, receive, send))  # type: ignore[arg-type]
     return int(sent[0]["status"])
 
 
@@ -34,6 +35,20 @@ def test_it_is_reached_by_the_name_at_which_it_listens() -> None:
     assert status(config, "ground.example:8080") == 200
     assert status(config, "ground.example:8080", "another-token-altogether") == 401
     assert status(config, "rebound.example:8080") == 421
+
+
+@pytest.mark.parametrize("scheme", ["Bearer ", "bearer ", "BEARER  "])
+def test_the_scheme_of_a_token_may_have_any_case(scheme: str) -> None:
+    """RFC 9110, 11.1 and 11.4."""
+    assert status(ApiConfig(token=TOKEN), "127.0.0.1", TOKEN, scheme) == 200
+    assert status(ApiConfig(token=TOKEN), "127.0.0.1", TOKEN, "Basic ") == 401
+
+
+@pytest.mark.parametrize("given", ["a-token/of+this.test==", "a-token%2Fof%2Bthis.test%3D%3D"])
+def test_a_token_in_the_query_comes_as_it_is_or_encoded(given: str) -> None:
+    config = ApiConfig(token=TOKEN)
+    assert status(config, "127.0.0.1", "", "", f"rate_hz=5&token={given}") == 200
+    assert status(config, "127.0.0.1", "", "", f"token={given}x") == 401
 
 
 @pytest.mark.parametrize(

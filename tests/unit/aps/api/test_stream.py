@@ -1,6 +1,8 @@
 import asyncio
 import json
 
+import pytest
+
 from aps.api.jobs import MAX_KEPT, Jobs
 from aps.api.stream import MAX_WAITING, Listener
 from aps.vehicle.execution import CommandResult, Outcome
@@ -21,6 +23,19 @@ async def test_what_waits_for_an_event_goes_on_with_the_next():
     await asyncio.sleep(0)
     listener.put({"a": 1})
     assert await waiting == '{"a": 1}'
+
+
+def test_states_come_no_oftener_than_asked_from_the_first_on(monkeypatch):
+    now_s = 1000.0
+    monkeypatch.setattr("aps.api.stream.time.monotonic_ns", lambda: round(now_s * 1e9))
+    monkeypatch.setattr("aps.api.stream.state_json", lambda state: {})
+    listener = Listener(2.0, ())
+    came = []
+    monkeypatch.setattr(listener, "put", lambda event: came.append(now_s - 1000.0))
+    for tick in range(61):
+        now_s = 1000.02 + tick * 0.05
+        listener.look(None, None)
+    assert came == pytest.approx([0.02, 0.52, 1.02, 1.52, 2.02, 2.52, 3.02])
 
 
 class Instant:

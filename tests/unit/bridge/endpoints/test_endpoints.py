@@ -242,6 +242,26 @@ async def test_a_udp_port_answers_whoever_spoke_last() -> None:
     await endpoint.close()
 
 
+async def test_what_is_sent_to_a_udp_port_where_nobody_is_counts_as_unread() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        port = station.getsockname()[1]
+    endpoint = endpoint_of(f"udp:127.0.0.1:{port}")
+    await endpoint.open()
+    for pieces, unread_bytes in (([b"ab"], 2), ([b"abc", b"d", b"ef"], 8)):
+        endpoint.write_all(pieces)
+        async with asyncio.timeout(LONG_S):
+            while endpoint.unread_bytes < unread_bytes:  # noqa: ASYNC110
+                await asyncio.sleep(0.001)
+        assert endpoint.unread_bytes == unread_bytes
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", port))
+        endpoint.write_all([b"ab", b"c"])
+        assert [await read(station, 2), await read(station, 1)] == [b"ab", b"c"]
+    assert endpoint.unread_bytes == 8
+    await endpoint.close()
+
+
 async def test_a_udp_station_that_floods_leaves_one_at_tcp_its_half() -> None:
     """Half of what 57600 baud carry is that of the station that is held, frame by frame."""
     endpoints = [endpoint_of("udpin:127.0.0.1:0"), endpoint_of("tcpin:127.0.0.1:0")]

@@ -34,6 +34,15 @@ def test_rows_of_a_file(tmp_path: Path) -> None:
     assert read_distances(file) == [(0.0, 100.0), (12.5, 250.5)]
 
 
+def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
+    file = tmp_path / "away.csv"
+    file.write_bytes(b"\xef\xbb\xbftime_s,distance_m\r\n0,100\r\n")
+    assert read_distances(file) == [(0.0, 100.0)]
+    file.write_bytes("time_s,distance_m\n0,100\n".encode("utf-16"))
+    with pytest.raises(ValueError, match=r"away\.csv: no text in UTF-8"):
+        read_distances(file)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -8,7 +8,7 @@ import pytest
 
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.nodes import Aircraft, GroundNode, Transceiver
-from lostlink.attach.addresses import AddressMistake, addresses_of, name_of, subnet_of
+from lostlink.attach.addresses import AddressMistake, addresses_of, names_of, subnet_of
 
 STILL = StillAgent(type="still")
 
@@ -56,7 +56,19 @@ def test_a_subnet_without_room_is_told_with_the_node(
 
 
 @pytest.mark.parametrize(
-    "text", ["10.42.0.1/24", "nothing", "10.42.0.0/33", "127.0.0.0/24", "224.0.0.0/24", "fd00::/64"]
+    "text",
+    [
+        "10.42.0.1/24",
+        "nothing",
+        "10.42.0.0/33",
+        "127.0.0.0/24",
+        "224.0.0.0/24",
+        "fd00::/64",
+        "0.0.0.0/0",
+        "0.0.0.0/8",
+        "126.0.0.0/7",
+        "192.0.0.0/2",
+    ],
 )
 def test_what_is_no_subnet(text: str) -> None:
     with pytest.raises(AddressMistake, match=r"subnet|none that interfaces have"):
@@ -64,4 +76,11 @@ def test_what_is_no_subnet(text: str) -> None:
 
 
 def test_names() -> None:
-    assert [name_of(node) for node in NODES] == ["ua-0", "gcs", "ua-3", "ua-249", "probe"]
+    assert list(names_of(NODES).values()) == ["ua-0", "gcs", "ua-3", "ua-249", "probe"]
+
+
+@pytest.mark.parametrize(("wrong", "told"), [("ua-3", "node (3|ua-3)"), ("localhost", "node localhost")])
+def test_no_two_hosts_have_one_name(wrong: str, told: str) -> None:
+    """The first in /etc/hosts would get what is for the other."""
+    with pytest.raises(AddressMistake, match=rf"{told} has the name '{wrong}', and so has another host"):
+        names_of([*NODES, ground(wrong)])

@@ -28,6 +28,8 @@ def test_before_the_first_tick_everything_is_due() -> None:
     [
         (1.0, 10.0, ""),
         (1.0, 10.09, ""),
+        (1.0, 10.19, ""),
+        (1.0, 10.21, "warning: the run went at 0.98 times the speed that was asked for: "),
         (1.0, 16.0, "warning: the run went at 0.62 times the speed that was asked for: "),
         (4.0, 2.5, ""),
         (4.0, 5.0, "warning: the run went at 0.50 times the speed that was asked for: "),
