@@ -166,7 +166,7 @@ class Polarisation(Settings):
     """
 
     cross_polar_db: float = Field(
-        default=20.0, gt=0.0, le=100.0, description="the loss is never more than this"
+        default=20.0, ge=0.01, le=100.0, description="the loss is never more than this"
     )
 
     def loss_db(

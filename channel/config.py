@@ -168,7 +168,7 @@ class RadioConfig(Settings):
     )
     propagation: Propagation = Field(default_factory=FreeSpace)
     earth_radius_factor: float | None = Field(
-        default=4.0 / 3.0, gt=0.0, le=100.0, description="by which the air bends rays; null: a flat Earth"
+        default=4.0 / 3.0, ge=0.1, le=100.0, description="by which the air bends rays; null: a flat Earth"
     )
     atmosphere: Atmosphere = Field(default_factory=NoAtmosphere, description="gases and rain")
     shadowing: Shadowing = Field(default_factory=NoShadowing)

@@ -6,6 +6,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from channel.access.settings.delay import DelayMedium
 from channel.config import RadioConfig
 from channel.link.paths import Geometry
 from channel.link.radio import Radio
@@ -20,7 +21,8 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
     slant_distance_m, length_bytes, terms (name and contribution, in order, their sum is the received power),
     path_loss_db, received_power_dbm, noise_floor_dbm, preamble_dbm (the weakest signal that receivers lock on to;
     None if the error rate alone decides), snr_db, ber, per (these without shadowing and fading), in_range, base_loss,
-    probability_of_delivery (averaged over the random terms) and probability_error_bound.
+    probability_of_delivery (averaged over the random terms), probability_error_bound and outage_share (of
+    packets, which the medium's outages take besides).
 
     Args:
         config: the radio.
@@ -33,6 +35,7 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
     radio = Radio(config)
     link = radio.link(length_bytes=length_bytes, **ends)
     delivery = radio.delivery(length_bytes=length_bytes, **ends)
+    medium = config.medium
     return {
         "radio": config.name,
         "description": config.description,
@@ -53,6 +56,7 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
         "base_loss": link.base_loss,
         "probability_of_delivery": float(delivery.probability),
         "probability_error_bound": float(delivery.error_bound),
+        "outage_share": 1.0 - medium.up_share if isinstance(medium, DelayMedium) else 0.0,
     }
 
 
@@ -79,5 +83,9 @@ def link_text(report: Report) -> str:
     level_dbm = report["preamble_dbm"]
     if level_dbm is not None and report["received_power_dbm"] < level_dbm:
         notes.append("  too weak: receivers lock on to no signal below preamble_dbm (medium.preamble_dbm)")
+    if report["outage_share"] > 0.0:
+        notes.append(
+            f"  outages of the medium take {100.0 * report['outage_share']:.3g} % of packets besides"
+        )
     laws = ", ".join(f"{key} {name}" for key, name in report["laws"].items())
     return "\n".join([head, laws, where, "", *rows, *notes])

@@ -15,6 +15,8 @@ from channel.fading.link_words import Words, counted
 from channel.variant import Variant
 
 NS_PER_S = 1e9
+LEAST_S, LONGEST_S = 1e-6, 1e9
+"""Of a state in the mean: instants are counted in whole nanoseconds of 64 bits."""
 CELL_EVENTS = 2.0
 """Mean number of renewals in a cell of time."""
 
@@ -56,8 +58,8 @@ class GilbertElliott(Variant):
     """
 
     model: Literal["gilbert-elliott"] = "gilbert-elliott"
-    mean_good_s: float = Field(gt=0.0)
-    mean_bad_s: float = Field(gt=0.0)
+    mean_good_s: float = Field(ge=LEAST_S, le=LONGEST_S)
+    mean_bad_s: float = Field(ge=LEAST_S, le=LONGEST_S)
     loss_good: float = Field(default=0.0, ge=0.0, le=1.0)
     loss_bad: float = Field(default=1.0, ge=0.0, le=1.0)
 

@@ -48,7 +48,8 @@ class Medium:
         emitters: names of the run's emitters, which radios may hear (`Radio.emitters`).
         switches: of the nodes' radios; each is on until it is switched off.
         bases: names of the nodes that stand on the ground; the others are aircraft. For laws that distinguish them.
-        ahead_ns: for so long a node goes on as it last moved beyond its newest truth, for `drawing` (0: it stands).
+        ahead_ns: for so long nodes and emitters go on as they last moved beyond their newest truth, for `drawing` (0:
+            they stand).
         groups: names of the members of each group of nodes that packets may be for.
         network: name of a further radio network of the run, whose draws are others; "": the run's own.
 
@@ -88,7 +89,7 @@ class Medium:
         self.draws = Draws(check_seed(seed), network)
         self._tracks = Tracks(len(self.nodes), max_truth_age_ns, ahead_ns)
         self.radios = tuple(self._radio_of(node, radio) for node in self.nodes)
-        self.emitters = EmitterTracks(emitters, max_truth_age_ns)
+        self.emitters = EmitterTracks(emitters, max_truth_age_ns, ahead_ns)
         heard = {each.name for each_radio in self.radios for each in each_radio.emitters}
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")

@@ -37,12 +37,12 @@ class Interferer(Settings):
     )
     bandwidth_hz: float = Field(default=1e3, gt=0.0, le=1e11, description="its power is flat within")
     duty: float = Field(default=1.0, ge=0.0, le=1.0, description="share of slots in which it transmits")
-    slot_s: float = Field(default=0.01, gt=0.0)
+    slot_s: float = Field(default=0.01, ge=1e-6, le=1e6)
 
     @property
     def slot_ns(self) -> int:
         """Length of a slot, ns of sim time."""
-        return max(int(self.slot_s * NS_PER_S), 1)
+        return round(self.slot_s * NS_PER_S)
 
 
 class Interference(Settings):

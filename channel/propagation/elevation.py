@@ -17,8 +17,8 @@ import numpy as np
 from channel.checks import FloatArray
 
 EXTRA = "lostlink[terrain]"
-M_PER_DEG = 111_319.5
-"""ArduPilot's scale of latitude (`LATLON_TO_M`), in which the positions of a run are."""
+M_PER_DEG = 111_318.84502145034
+"""ArduPilot's scale of latitude (`LATLON_TO_M` is that of 1e-7 degree), in which the positions of a run are."""
 MAX_POINTS = 16_000_000
 FEET = "ft", "foot", "feet"
 """In the names that files have for units of feet, in capitals or not."""

@@ -47,10 +47,10 @@ class Terrain(PathLossModel):
     extent_m: float = Field(
         default=5000.0, gt=0.0, description="of a file, how far about the origin it is read"
     )
-    spacing_m: float = Field(default=30.0, gt=0.0, description="between points of the grid")
-    step_m: float = Field(default=10.0, gt=0.0, description="between samples of a profile")
+    spacing_m: float = Field(default=30.0, ge=0.01, description="between points of the grid")
+    step_m: float = Field(default=10.0, ge=0.1, description="between samples of a profile")
     edges: Literal["bullington", "worst"] = "bullington"
-    earth_radius_factor: float | None = Field(default=4.0 / 3.0, gt=0.0, description="null: a flat Earth")
+    earth_radius_factor: float | None = Field(default=4.0 / 3.0, ge=0.1, description="null: a flat Earth")
     outside: Literal["refuse", "border"] = Field(
         default="refuse", description="beyond the grid: an error, or the ground as at its border"
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from channel.access.settings.base import Ideal
+from channel.access.settings.delay import DelayMedium
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.validity import OutsideValidityError
@@ -56,7 +57,7 @@ def reach_of(radio: Radio, payload_bytes: int) -> Reach:
     while limit_m > NEAREST_M:
         distances = np.geomspace(NEAREST_M, limit_m, POINTS)
         try:
-            chances = radio.probability_of_delivery(distances, payload_bytes)
+            chances = _chances(radio, distances, payload_bytes)
         except OutsideValidityError:
             limit_m /= 1.25
             continue
@@ -66,12 +67,19 @@ def reach_of(radio: Radio, payload_bytes: int) -> Reach:
     return Reach({}, None)
 
 
+def _chances(radio: Radio, distances: FloatArray, payload_bytes: int) -> FloatArray:
+    """The probability of delivery, with the outages of both ends' lines where the medium has some."""
+    medium = radio.config.medium
+    up_share = medium.up_share if isinstance(medium, DelayMedium) else 1.0
+    return up_share * radio.probability_of_delivery(distances, payload_bytes)
+
+
 def _preamble(radio: Radio, payload_bytes: int, distances: FloatArray) -> PreambleReach | None:
     """How far receivers lock on; None if packets are lost to noise before."""
     if not radio.needs_preamble:
         return None
     all_heard = Radio(radio.config.model_copy(update={"medium": Ideal()}))
-    chances = all_heard.probability_of_delivery(distances, payload_bytes)
+    chances = _chances(all_heard, distances, payload_bytes)
     erasure_m = _farthest(all_heard, payload_bytes, HALF, distances, chances)
     locked = np.flatnonzero(radio.locks_on(radio.mean_power_dbm(radio.path(distances))))
     if erasure_m is None:
@@ -96,5 +104,5 @@ def _farthest(
         return None
     near_m, far_m = distances[above[-1]], distances[min(above[-1] + 1, len(distances) - 1)]
     between = np.linspace(near_m, far_m, BETWEEN)
-    above = np.flatnonzero(radio.probability_of_delivery(between, payload_bytes) >= share)
+    above = np.flatnonzero(_chances(radio, between, payload_bytes) >= share)
     return float(f"{between[above[-1]] if len(above) else near_m:.3g}")

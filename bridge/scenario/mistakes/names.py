@@ -27,7 +27,9 @@ from channel.access.world import PlainWorld
 from channel.config import RadioConfig
 from channel.draws import Draws
 from channel.link.carrier import laws_off_carrier
+from channel.link.emitters.disturbance import heard
 from channel.own_methods import OwnModelError
+from channel.phy.interference import MAX_PULSED
 from channel.preset_errors import mistakes_in
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
@@ -92,6 +94,7 @@ class _Radios:
         """The scenario with the tables of its radios read in."""
         common, config = self._read(self._scenario.radio, ("radio",))
         self._see_roles(("radio",), config, [n.node for n in self._scenario.transceivers if n.radio is None])
+        self._see_pulsed(("radio",), config)
         nodes: list[NodeConfig] = []
         own_radios: dict[str, RadioConfig] = {}
         for index, node in enumerate(self._scenario.nodes):
@@ -105,6 +108,7 @@ class _Radios:
                 path = ("nodes", index, "radio")
                 radio, own = self._read(node.radio, path)
                 self._see_roles(path, own, [node.node])
+                self._see_pulsed(path, own)
                 own_radios |= {} if own is None else {node.node: own}
                 node = node.model_copy(update={"radio": radio})
                 if own is not None and config is not None and own.frequency_hz != config.frequency_hz:
@@ -133,6 +137,7 @@ class _Radios:
             networks[name], config = self._read(setting, ("networks", name))
             nodes = [node.node for node in self._scenario.nodes_on(name)]
             self._see_roles(("networks", name), config, nodes)
+            self._see_pulsed(("networks", name), config)
             self._see_medium(("networks", name), config, nodes)
             self._see_modems(name, config)
         return networks
@@ -194,6 +199,19 @@ class _Radios:
             if len(ids) > 1 and not set(ids).isdisjoint(senders):
                 text = f"{law.model} has a base on the ground and a UA, and no links between {what}: {', '.join(ids)}"
                 self.mistakes.append(_told(self._root, path, f"{text}; {OUTSIDE_KEY}"))
+
+    def _see_pulsed(self, path: Path_, config: RadioConfig | None) -> None:
+        """Refuse more emitters in slots than a radio's deliveries can be averaged over."""
+        if config is None:
+            return
+        pulsed = [each.id for each in heard(config, self._scenario.emitters) if 0.0 < each.duty < 1.0]
+        own = sum(0.0 < each.duty < 1.0 for each in config.interference.interferers)
+        if pulsed and len(pulsed) + own > MAX_PULSED:
+            text = f"its receiver hears the emitters {', '.join(pulsed)}" + (
+                f" and {own} interferers" if own else ""
+            )
+            allowed = f"at most {MAX_PULSED} emitters and interferers may have a duty between 0 and 1"
+            self.mistakes.append(_told(self._root, path, f"{text}: {allowed}"))
 
     def _with_antenna(self, emitter: EmitterNode, path: Path_) -> EmitterNode:
         """An emitter with the tables of its antenna read in."""

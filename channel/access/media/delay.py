@@ -24,8 +24,9 @@ from channel.draws import Draws
 
 NORMAL: Final = NormalDist()
 NORMAL_95: Final = NORMAL.inv_cdf(0.95)
+LEAST_S: Final = 1e-3
 LONGEST_S: Final = 1e9
-"""Of service or outage in the mean."""
+"""Of service or outage in the mean; 0 for no outage."""
 LEAST_UNIFORM: Final = 2.0**-54
 """In place of a 0, which has no quantile."""
 
@@ -92,9 +93,11 @@ class DelaySettings:
     keeps_order: bool = True
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.good_s <= LONGEST_S and 0.0 <= self.bad_s <= LONGEST_S):
+        is_outage = self.bad_s == 0.0 or LEAST_S <= self.bad_s <= LONGEST_S
+        if not (LEAST_S <= self.good_s <= LONGEST_S and is_outage):
             raise ValueError(
-                f"service of {self.good_s:g} s, outage of {self.bad_s:g} s: above 0, 0 or more, at most {LONGEST_S:g}"
+                f"service of {self.good_s:g} s, outage of {self.bad_s:g} s: from {LEAST_S:g} to {LONGEST_S:g}, the "
+                "latter may be 0"
             )
 
 

@@ -6,11 +6,12 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from channel.access.media.delay import LONGEST_S, Delay, DelaySettings, WayDelay
+from channel.access.media.delay import LEAST_S, LONGEST_S, Delay, DelaySettings, WayDelay
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Queue, Surroundings
-from channel.access.timing import NS_PER_S
+from channel.access.timing import LEAST_BPS, NS_PER_S
 from channel.variant import Variant
+from sitl_configs.settings import refused
 
 
 class DelayMedium(Variant):
@@ -23,17 +24,31 @@ class DelayMedium(Variant):
     least_s: float = Field(ge=0.0, le=60.0, description="no packet is faster")
     median_s: float = Field(ge=0.0, le=60.0, description="half are at most so late")
     most_s: float = Field(ge=0.0, le=60.0, description="95 % are at most so late; as median_s: all are")
-    rate_bps: float = Field(gt=0.0, le=1e12, description="at which a node's packets enter the network")
+    rate_bps: float = Field(ge=LEAST_BPS, le=1e12, description="at which a node's packets enter the network")
     header_bytes: int = Field(default=0, ge=0, le=1000, description="that each packet gets")
-    good_s: float = Field(default=60.0, gt=0.0, le=LONGEST_S, description="mean time of service of a node")
+    good_s: float = Field(
+        default=60.0, ge=LEAST_S, le=LONGEST_S, description="mean time of service of a node"
+    )
     bad_s: float = Field(default=0.0, ge=0.0, le=LONGEST_S, description="mean time of outage; 0: none")
     keeps_order: bool = Field(default=True, description="no packet of a sender overtakes another")
     max_length_bytes: int = Field(default=65_535, ge=1, description="the longest packet")
 
     @model_validator(mode="after")
     def _is_a_delay(self) -> DelayMedium:
-        self._delay()
+        for key, lower in (("median_s", "least_s"), ("most_s", "median_s")):
+            value_s, lower_s = getattr(self, key), getattr(self, lower)
+            if value_s < lower_s:
+                raise refused(f"has to be at least {lower}, {lower_s:g}, not {value_s:g}", key)
+        if self.least_s == self.median_s < self.most_s:
+            raise refused(f"has to be above least_s, {self.least_s:g}, unless most_s is the same", "median_s")
+        if 0.0 < self.bad_s < LEAST_S:
+            raise refused(f"has to be 0, or at least {LEAST_S:g}, not {self.bad_s:g}", "bad_s")
         return self
+
+    @property
+    def up_share(self) -> float:
+        """Share of packets that meet no outage, neither of their sender nor of their receiver."""
+        return (self.good_s / (self.good_s + self.bad_s)) ** 2
 
     def _delay(self) -> WayDelay:
         return WayDelay(*(round(each * NS_PER_S) for each in (self.least_s, self.median_s, self.most_s)))

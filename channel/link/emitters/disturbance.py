@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from channel.config import RadioConfig
 from channel.fading.waves import lattice
 from channel.geometry import LEVEL_WXYZ, Path, separation_m
 from channel.link.budget import LinkBudget
+from channel.link.emitters.emission import Emission
 from channel.link.emitters.emitter import Emitter
 from channel.link.paths import LinkPaths
 from channel.link.rays import with_reflection
@@ -27,8 +29,19 @@ Gains = Sequence[FloatArray | float]
 """What shadowing, fading and the line of sight add to the power of each, dB."""
 POINTS = 64
 """At which the law of what interferers send is taken where a table serves: probabilities within 0.01."""
+E = TypeVar("E", bound=Emission)
 DRAWS_OF_SOURCE = 4
 """Line of sight, shadowing, and two for fading."""
+
+
+def heard(config: RadioConfig, emissions: Sequence[E]) -> tuple[E, ...]:
+    """Return those of which the spectrum comes as near as the last row of a radio's filter."""
+    rows = config.interference.filter_rows(config.bandwidth_hz)
+    return tuple(
+        each
+        for each in emissions
+        if reaches(each.frequency_hz - config.frequency_hz, each.bandwidth_hz, rows)
+    )
 
 
 class Disturbance:
@@ -63,11 +76,7 @@ class Disturbance:
         self._paths, self._budget, self._sight = paths, budget, sight
         self._floor_dbm = config.noise_floor_dbm
         rows = law.filter_rows(config.bandwidth_hz)
-        self.emitters = tuple(
-            each
-            for each in emitters
-            if reaches(each.frequency_hz - config.frequency_hz, each.bandwidth_hz, rows)
-        )
+        self.emitters = heard(config, emitters)
         self.sources: tuple[Interferer | Emitter, ...] = (*law.interferers, *self.emitters)
         self.states = law.states([each.duty for each in self.emitters])
         self._carriers_hz = [each.frequency_hz or config.frequency_hz for each in self.sources]

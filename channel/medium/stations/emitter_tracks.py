@@ -16,7 +16,7 @@ class EmitterTracks:
 
     Args:
         names: of the emitters.
-        max_age_ns: as of the tracks of nodes.
+        max_age_ns, ahead_ns: as of the tracks of nodes.
 
     Attributes:
         names: in their order.
@@ -25,12 +25,12 @@ class EmitterTracks:
         ChannelInputError: names that are not distinct.
     """
 
-    def __init__(self, names: Iterable[str], max_age_ns: int) -> None:
+    def __init__(self, names: Iterable[str], max_age_ns: int, ahead_ns: int = 0) -> None:
         self.names = tuple(names)
         self._index = {name: i for i, name in enumerate(self.names)}
         if len(self._index) != len(self.names):
             raise ChannelInputError("emitters", self.names, "names that differ")
-        self._tracks = Tracks(len(self.names), max_age_ns)
+        self._tracks = Tracks(len(self.names), max_age_ns, ahead_ns)
 
     def observe(self, names: Sequence[str], sim_time_ns: int, position_ned_m: ArrayLike) -> None:
         """Take in where emitters were.

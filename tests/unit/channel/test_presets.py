@@ -191,6 +191,22 @@ def test_settings_become_overrides():
     assert presets.overrides_from_settings(["name='007'"]) == {"name": "007"}
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "earth_radius_factor=1e-300",
+        "polarisation.cross_polar_db=1e-300",
+        "propagation={model: terrain, file: there.tif, step_m: 1e-300}",
+        "propagation={model: terrain, file: there.tif, spacing_m: 1e-300}",
+        "propagation={model: terrain, file: there.tif, earth_radius_factor: 1e-300}",
+    ],
+)
+def test_numbers_too_small_to_reckon_with_are_refused_by_their_key(setting):
+    """They were tracebacks: an index out of range, a division by zero, an array that is too large."""
+    with pytest.raises(PresetError, match=r"has to be greater than or equal to 0\.\d+, not 1e-300"):
+        presets.load_radio("perfect", presets.overrides_from_settings([setting]))
+
+
 @pytest.mark.parametrize("setting", ["exponent", "=3", "a..b=1", "a=[1"])
 def test_settings_that_are_none(setting):
     with pytest.raises(PresetError):

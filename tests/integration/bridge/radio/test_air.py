@@ -322,6 +322,30 @@ def test_a_jammer_spoils_what_meets_its_slots_also_in_part(flown: Flown) -> None
     assert balances(run)
 
 
+def test_an_emitter_that_moves_goes_on_between_ticks(flown: Flown) -> None:
+    """At 100 m/s it is 5 m farther at the next tick: noise is by where it is when a frame starts, to 0.002 dB."""
+    emitter = {
+        "id": "truck",
+        "kind": "emitter",
+        "track": [
+            {"sim_time_s": at_s, "north_m": 100.0 * at_s, "east_m": 30.0, "height_m": 10.0} for at_s in (0, 5)
+        ],
+        "frequency_hz": 915e6,
+        "power_dbm": 10.0,
+    }
+    sends = [(1.0, "0", 20)] * 40
+    run = flown([node(0, 0.0), node(1, 120.0, sends=sends), emitter], {"model": "airtime"})
+    found = rows(run, "g1", "0")
+    there = run.truth[(run.truth.node == "0") & (run.truth.tick_ns == 1_000_000_000)].iloc[0]
+    east_m, down_m = 30.0 - there.position_east_m, -10.0 - there.position_down_m
+    way_m = np.hypot(100e-9 * found.started_ns - there.position_north_m, np.hypot(east_m, down_m))
+    power_dbm = 10.0 - 20.0 * np.log10(4.0 * np.pi * way_m * 915e6 / LIGHT_MPS)
+    floor_dbm = 10.0 * np.log10(1.380649e-20 * 290.0 * 130e3) + 6.0
+    noise_dbm = 10.0 * np.log10(10.0 ** (power_dbm / 10.0) + 10.0 ** (floor_dbm / 10.0))
+    assert (found.received_power_dbm - found.snr_db).to_numpy() == pytest.approx(noise_dbm, abs=2e-3)
+    assert set(found.started_ns // 50_000_000 - 20) == {0, 1}
+
+
 def test_a_medium_of_ones_own(flown: Flown) -> None:
     own = {"class": f"{Path(__file__).with_name('own_medium.py')}:PatientMedium", "wait_s": 0.05}
     run = flown([node(0, 0.0), node(1, 50.0, sends=[(1.0, "0", 100)])], own)

@@ -69,6 +69,19 @@ def test_what_is_read_back_is_the_same() -> None:
     assert (sensor.rate_hz, sensor.identifies) == (2.0, "frequency")
 
 
+def test_more_emitters_in_slots_than_a_radio_can_reckon_with_are_refused_by_name() -> None:
+    """Those that it does not hear, and those that never pause, do not count."""
+    jammers = [
+        f"{{id: j{k}, kind: emitter, frequency_hz: 2.412e+9, power_dbm: 3, duty: 0.5}}" for k in range(9)
+    ]
+    text = mistake(*jammers)
+    assert "small.yaml:5: radio: its receiver hears the emitters j0, j1" in text
+    assert "at most 8 emitters and interferers may have a duty between 0 and 1" in text
+    for old, new in (("2.412e+9", "900e+6"), ("duty: 0.5", "duty: 1")):
+        it = scenario(*jammers[:8], jammers[8].replace(old, new))
+        assert len(radios_of(it, emitters_of(it))["0"].sources) == 8 + (new == "duty: 1")
+
+
 def test_radios_hear_the_emitters_near_their_frequency() -> None:
     it = scenario(BEACON, "{id: jam, kind: emitter, frequency_hz: 2.42e+9, power_dbm: 30}")
     (radio,) = radios_of(it, emitters_of(it)).values()

@@ -12,9 +12,13 @@ from scipy import stats
 from channel.access.media.delay import Delay, DelaySettings, Outage, WayDelay
 from channel.access.packets import AirFate, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits
+from channel.access.settings.base import Surroundings
+from channel.access.settings.delay import DelayMedium
 from channel.access.words import WordStream
 from channel.access.world import PlainWorld
 from channel.draws import Draws
+from channel.preset_errors import PresetError
+from channel.presets import radio_from_mapping
 
 MS, S = 1_000_000, 1_000_000_000
 UNLIMITED = QueueLimits(0)
@@ -242,10 +246,12 @@ def test_mistakes_are_said() -> None:
         Delay(PlainWorld((0, 1)), DelaySettings(LTE, rate_bps=0.0))
 
 
-@pytest.mark.parametrize(("good_s", "bad_s"), [(1e300, 1.0), (1.0, 1e300), (60.0, inf)])
+@pytest.mark.parametrize(
+    ("good_s", "bad_s"), [(1e300, 1.0), (1.0, 1e300), (60.0, inf), (1e-9, 1.0), (1.0, 1e-9)]
+)
 def test_times_that_no_clock_counts_are_refused(good_s: float, bad_s: float) -> None:
-    """In ns they are no number, and an endless outage never began."""
-    with pytest.raises(ValueError, match=r"service of .*: above 0, 0 or more, at most 1e\+09"):
+    """In ns they are no number, an endless outage never began, and of short ones a second has too many."""
+    with pytest.raises(ValueError, match=r"service of .*: from 0\.001 to 1e\+09, the latter may be 0"):
         DelaySettings(WayDelay.constant(0), good_s=good_s, bad_s=bad_s)
 
 
@@ -253,3 +259,33 @@ def test_times_that_no_clock_counts_are_refused(good_s: float, bad_s: float) -> 
 def test_rates_at_which_no_frame_ends_are_refused(rate_bps: float) -> None:
     with pytest.raises(ValueError, match=r"bit rate .* bit/s: at least 0\.001"):
         Delay(PlainWorld((0, 1)), DelaySettings(WayDelay.constant(0), rate_bps))
+
+
+@pytest.mark.parametrize(
+    ("changed", "key"),
+    [
+        ({"median_s": 0.01}, "median_s: has to be at least least_s, 0.02, not 0.01"),
+        ({"most_s": 0.03}, "most_s: has to be at least median_s, 0.04, not 0.03"),
+        ({"median_s": 0.02}, "median_s: has to be above least_s, 0.02, unless most_s is the same"),
+        ({"bad_s": 1e-9}, "bad_s: has to be 0, or at least 0.001, not 1e-09"),
+        ({"rate_bps": 1e-4}, "rate_bps: has to be greater than or equal to 0.001"),
+    ],
+)
+def test_a_mistake_in_a_radio_is_told_with_its_key_in_seconds(changed: dict[str, float], key: str) -> None:
+    medium = {"model": "delay", "least_s": 0.02, "median_s": 0.04, "most_s": 0.1, "rate_bps": 1e6} | changed
+    with pytest.raises(PresetError) as caught:
+        radio_from_mapping({"preset": "perfect", "medium": medium})
+    assert f"medium.{key}" in str(caught.value)
+
+
+def test_the_share_without_an_outage_is_that_of_packets_that_arrive() -> None:
+    """Two lines, each up for four of five seconds: 0.64, within four standard deviations of correlated packets."""
+    medium = DelayMedium(least_s=0.0, median_s=0.0, most_s=0.0, rate_bps=FAST, good_s=4.0, bad_s=1.0)
+    opened = medium.open(Surroundings(PlainWorld((0, 1)), {"0": 0, "1": 1}, 5, -100.0, {}))
+    count = 20_000
+    for number in range(count):
+        opened.offer(AirPacket(0, number, 1, 100, number * S))
+    came = np.mean([fate.loss is None for fate in fates(opened.run(count * S))])
+    assert medium.up_share == pytest.approx(0.64)
+    together = sum(2 * (0.64**2 * ((1 + exp(-1.25 * lag) / 4) ** 2 - 1)) for lag in range(1, 50))
+    assert abs(came - 0.64) < 4 * sqrt((0.64 * 0.36 + together) / count)

@@ -31,6 +31,15 @@ def test_link_for_people_names_every_term():
         assert word in text
 
 
+def test_link_tells_what_outages_take_besides():
+    """Each end's line is up for 0.8 of the time."""
+    link = ("link", "--radio", "lte-uav", "--ground-distance", "400")
+    outages = ("--set", "medium.good_s=4", "--set", "medium.bad_s=1")
+    assert json.loads(run(*link, *outages, "--json").output)["outage_share"] == pytest.approx(0.36)
+    assert "outages of the medium take 36 % of packets besides" in run(*link, *outages).output
+    assert "outages of the medium" not in run(*link, "--set", "medium.bad_s=0").output
+
+
 def test_any_key_can_be_set():
     report = json.loads(
         run(

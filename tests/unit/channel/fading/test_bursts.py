@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from channel.fading.bursts import GilbertElliott
 from channel.fading.link_words import LinkWords
@@ -57,3 +58,18 @@ def test_losses_follow_the_state():
     times = np.full(len(TX), 5)
     assert np.array_equal(model.loss_at(WORDS, times) == 0.75, model.is_bad(WORDS, times))
     assert model.mean_loss == pytest.approx(0.5)
+
+
+def test_durations_of_which_no_instant_can_be_counted_are_refused():
+    """Shorter ones never came to an end; longer ones were no number of nanoseconds."""
+    for mean_s in (1e-12, 1e10):
+        with pytest.raises(ValidationError, match="mean_good_s"):
+            GilbertElliott(mean_good_s=mean_s, mean_bad_s=1.0)
+        with pytest.raises(ValidationError, match="mean_bad_s"):
+            GilbertElliott(mean_good_s=1.0, mean_bad_s=mean_s)
+
+
+@pytest.mark.parametrize("mean_s", [1e-6, 1e9])
+def test_the_shortest_and_the_longest_states(mean_s):
+    share = bad_at(GilbertElliott(mean_good_s=mean_s, mean_bad_s=mean_s), [10**15])[0].mean()
+    assert abs(share - 0.5) < 3.29 * np.sqrt(0.25 / len(TX))

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from channel import presets
+from channel.link.emitters.emitter import Emitter
 from channel.link.radio import Radio
 from channel.medium.medium import Fate, Medium
-from channel.phy.interference import sum_dbm
+from channel.phy.interference import Interferer, sum_dbm
 from channel.phy.noise import thermal_noise_dbm
 from channel.presets import PresetError
 from tests.unit.channel.medium.one_by_one import settled
@@ -85,3 +87,14 @@ def test_bad_rejection_curve_names_its_key():
 def test_a_rejection_neither_amplifies_nor_is_beyond_numbers(rejection_db):
     with pytest.raises(PresetError, match="rejection: from 0 to 300 dB"):
         presets.load_radio("corrected", {"interference": {"rejection": [[0, rejection_db]]}})
+
+
+def test_slots_of_an_interferer_are_those_of_an_emitter():
+    """To the nanosecond, and no shorter or longer ones than can be counted."""
+    kind = {"frequency_hz": 2.4e9, "power_dbm": 0.0}
+    for slot_s in (1e-6, 0.1291, 1.001, 1e6):
+        emitter = Emitter(name="jammer", slot_s=slot_s, **kind)
+        assert Interferer(position_ned_m=(0.0, 0.0, 0.0), slot_s=slot_s, **kind).slot_ns == emitter.slot_ns
+    for slot_s in (1e-9, 1e10):
+        with pytest.raises(ValidationError, match="slot_s"):
+            Interferer(position_ned_m=(0.0, 0.0, 0.0), slot_s=slot_s, **kind)

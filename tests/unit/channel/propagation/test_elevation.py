@@ -15,6 +15,7 @@ from bridge.scenario.resolve.radio import radio_of
 from channel.link.radio import Radio
 from channel.presets import PresetError, at_origin, load_radio, radio_from_mapping, radio_to_yaml, seen_from
 from channel.propagation.path_loss import friis_loss_db
+from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 ROOT = Path(__file__).parents[4]
 TILE = ROOT / "tests" / "data" / "ridge.tif"
@@ -107,6 +108,27 @@ def test_an_srtm_tile(tmp_path):
     north, east = places()
     lat_of, lon_of = north / 111_319.5, east / (111_319.5 * np.cos(np.radians(HERE[0])))
     assert ground.height_m(north, east) == pytest.approx(2000.0 * lat_of - 1000.0 * lon_of, abs=0.7)
+
+
+@needs_rasterio
+def test_a_grid_lies_where_a_runs_positions_lie(tmp_path):
+    """On ArduPilot's scale, 40 km about: a tile that rises by 1 m per 1e-6 degrees tells 0.1 m."""
+    import rasterio
+
+    step = 0.01
+    lat, lon = np.meshgrid(40.6331 - np.arange(101) * step, -105.8404 + np.arange(121) * step, indexing="ij")
+    height = (lat - HERE[0]) * 1e6 + (lon - HERE[1]) * 1e6
+    place = rasterio.Affine(step, 0.0, lon[0, 0] - step / 2, 0.0, -step, lat[0, 0] + step / 2)
+    shape = {"width": 121, "height": 101, "count": 1, "dtype": "float64"}
+    with rasterio.open(
+        tmp_path / "slope.tif", "w", driver="GTiff", crs="EPSG:4326", transform=place, **shape
+    ) as out:
+        out.write(height, 1)
+    ground = terrain(tmp_path / "slope.tif", (*HERE[:2], 0.0), extent_m=40e3, spacing_m=1000.0).propagation
+    for north, east in ((40e3, 0.0), (-40e3, 40e3), (0.0, -40e3)):
+        there = geodetic_from_ned(GeodeticPosition(*HERE), (north, east, 0.0))
+        rise = (there.lat_deg - HERE[0]) * 1e6 + (there.lon_deg - HERE[1]) * 1e6
+        assert float(ground.height_m(np.array(north), np.array(east))) == pytest.approx(rise, abs=0.1)
 
 
 @needs_rasterio

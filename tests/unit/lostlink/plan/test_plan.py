@@ -364,6 +364,13 @@ def test_the_reach_of_a_disk_is_its_radius() -> None:
     assert reach_of(radio_from(hata, origin), 40).limit_m is None  # not made for less than a kilometre
 
 
+def test_outages_of_a_medium_count_for_the_reach() -> None:
+    """Each end's line is up for 0.8 of the time: 64 % of packets meet no outage, wherever they go."""
+    radio = {"preset": "lte-uav", "medium": {"good_s": 4.0, "bad_s": 1.0}}
+    reach = reach_of(radio_from(radio, read_scenario("separation").origin), 40)
+    assert reach.distance_m == {"0.9": None, "0.5": reach.limit_m, "0.1": reach.limit_m}
+
+
 def test_what_is_left_out_follows_the_scenario() -> None:
     plain = " ".join(plan_with()["not_modelled"])
     assert all(
