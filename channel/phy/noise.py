@@ -81,7 +81,8 @@ MAN_MADE = {
 }
 """c and d of the median Fam = c - d log10(f / 1 MHz), and where it holds: ITU-R P.372, sec. on man-made noise.
 
-The first four are of all editions (table 1, 0.3 to 250 MHz), `business` is of P.372-8 (200 to 900 MHz).
+The first four are of all editions (table 1, 0.3 to 250 MHz; for `quiet-rural`, curve D, no range is named, and galactic
+noise, 52 - 23 log10(f / 1 MHz), is above it from 2 MHz on), `business` is of P.372-8 (200 to 900 MHz).
 """
 
 
