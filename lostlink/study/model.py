@@ -20,7 +20,9 @@ from bridge.scenario.resolve.modules import CODE
 
 RUNS_MAX = 100_000
 RANGE: Final = frozenset(("from", "to", "count"))
-LIKE_A_RANGE: Final = RANGE.union("first last start stop end begin step by num number".split())
+LIKE_A_RANGE: Final = RANGE.union(
+    ["first", "last", "start", "stop", "end", "begin", "step", "by", "num", "number"]
+)
 """What no numbers are called by."""
 
 
