@@ -203,6 +203,11 @@ def _table(values: Any) -> dict[str, str]:
     return {str(name): str(value) for name, value in values.items()}
 
 
+def files_changed_since(made: Provenance) -> list[str]:
+    """Paths of its files that are others now, or gone."""
+    return [path for path, digest in made.files.items() if digest_if_readable(Path(path)) != digest]
+
+
 def differences(old: Provenance, new: Provenance) -> list[str]:
     """What is other now than when the record was made, as sentences.
 

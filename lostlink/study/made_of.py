@@ -9,7 +9,7 @@ from operator import getitem
 from pathlib import Path
 from typing import Any, Final
 
-from bridge.record.digests import file_digest
+from bridge.record.digests import digest_now
 from bridge.record.provenance import git_commit, lostlink_told, version_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.named_files import Named, digest_of_plain
@@ -62,7 +62,7 @@ class Looker:
         digest_of: gives the SHA-256 of a file.
     """
 
-    def __init__(self, digest_of: Callable[[Path], str] = file_digest) -> None:
+    def __init__(self, digest_of: Callable[[Path], str] = digest_now) -> None:
         self._digest_of = cache(digest_of)
         self._named = Named(self._digest_of)  # many runs name the same files
 
