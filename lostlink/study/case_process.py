@@ -99,8 +99,8 @@ class CasePlan:
         functions = [[one.place, one.name] for one in self.metrics]
         dirs = {name: str(said) for name, said in asdict(self.dirs).items() if said is not None}
         content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep, "dirs": dirs}
-        content |= {"labels": self.labels, "made_of": self.made_of and asdict(self.made_of)}
-        write_whole(directory / PLAN_FILE, content)
+        made_of = None if self.made_of is None else asdict(self.made_of)
+        write_whole(directory / PLAN_FILE, {**content, "labels": self.labels, "made_of": made_of})
 
     @classmethod
     def read(cls, directory: Path) -> CasePlan:
