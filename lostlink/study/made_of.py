@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from operator import getitem
@@ -56,14 +56,10 @@ def _contents(made: MadeOf) -> set[tuple[str, str]]:
 
 
 class Looker:
-    """Looks what runs are made of; each file is read once.
+    """Looks what runs are made of; each file is read once."""
 
-    Args:
-        digest_of: gives the SHA-256 of a file.
-    """
-
-    def __init__(self, digest_of: Callable[[Path], str] = digest_now) -> None:
-        self._digest_of = cache(digest_of)
+    def __init__(self) -> None:
+        self._digest_of = cache(digest_now)
         self._named = Named(self._digest_of)  # many runs name the same files
 
     def made_of(self, scenario: Scenario) -> MadeOf:
