@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.record.digests import file_digest
 from bridge.record.provenance import collect, write_provenance
 from lostlink.study import made_of
 from lostlink.study.case_process import (
@@ -249,3 +250,18 @@ def test_what_another_lostlink_was_to_fly_is_not_flown(folder: Path) -> None:
         f"{case.made_of.lostlink} in place of lostlink 0.0.9; start the study again"
     )
     assert case in Study(folder / "study.yaml", folder).left()
+
+
+def test_each_run_has_the_files_that_it_names_itself_or_through_others(folder: Path) -> None:
+    """Each file is looked into once, whichever run names it first."""
+    study = f"{STUDY.replace('[1, 2]', '1')}vary: {{radio: [radio.yaml, moon2020]}}\n"
+    (folder / "study.yaml").write_text(study)
+    own, preset = (case.made_of.files for case in Study(folder / "study.yaml", folder).cases)
+    assert {Path(path).name for path in own.keys() - preset.keys()} == {
+        "radio.yaml",
+        "base.yaml",
+        "gains.csv",
+        "mine.py",
+    }
+    assert str(folder / "maps" / "shear.nc") in preset
+    assert all(digest == file_digest(Path(path)) for path, digest in own.items())
