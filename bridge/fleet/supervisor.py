@@ -29,7 +29,8 @@ from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.preflight.ports import HOST
 from bridge.fleet.preflight.preflight import launchers_of
 from bridge.record.events import AGENT_BLOCKED, DIED, KILLED, WHOSE, Report, read_reports
-from bridge.record.provenance import collect, write_provenance
+from bridge.record.names import PROVENANCE_FILE
+from bridge.record.provenance import Provenance, collect, files_changed_since, write_provenance
 from bridge.run.directory import LOG_FOLDER, SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
@@ -96,6 +97,7 @@ class Fleet:
         self._crew = Crew(self._child_ended, understudies)
         self._parts: Arrangement | None = None
         self._keyring: Keyring | None = None
+        self._made = Provenance()
         self._outcome: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         self.course = Course(scenario, run)
         self.killed: list[str] = []
@@ -134,7 +136,15 @@ class Fleet:
     def _write_provenance(self) -> None:
         origins = {ua.node: self._launchers.of(ua).origin(ua) for ua in self._scenario.ua}
         code = named_code(self._scenario)
-        write_provenance(collect(origins, code.files, code.packages), self._run.path)
+        self._made = collect(origins, code.files, code.packages)
+        write_provenance(self._made, self._run.path)
+
+    def _tell_changed_files(self) -> None:
+        """Files are loaded after they were looked at, some only when code asks for them."""
+        for path in files_changed_since(self._made):
+            self._report.may_not_repeat(
+                f"{path} was changed while the run flew: {PROVENANCE_FILE} has it as it was before"
+            )
 
     async def _fly(self) -> Ending:
         try:
@@ -273,6 +283,7 @@ class Fleet:
             self._report.may_not_repeat(
                 f"{what} after {self.course.sim_time_ns / 1e9:.2f} s: its files may lack their end"
             )
+        await asyncio.to_thread(self._tell_changed_files)
         self._report.close()
 
     # What the parts report (`bridge.fleet.tidings.Tidings`).

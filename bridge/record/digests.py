@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 from bridge.record.names import streams_of
@@ -58,6 +59,21 @@ def stream_digest(path: Path) -> str:
 def digest_if_readable(path: Path) -> str:
     """SHA-256 (hex) of a file; "" if it cannot be read."""
     try:
-        return file_digest(path)
+        return digest_now(path)
     except OSError:
         return ""
+
+
+def digest_now(path: Path) -> str:
+    """As `file_digest`, which looks into a file again only if its size or the time of its last change is another.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    about = path.stat()
+    return _digest_at(path, about.st_mtime_ns, about.st_ctime_ns, about.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _digest_at(path: Path, *_stamp: int) -> str:
+    return file_digest(path)

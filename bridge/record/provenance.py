@@ -10,6 +10,7 @@ import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +18,7 @@ from typing import Any, Final, Literal
 
 from bridge.record.digests import digest_if_readable, file_digest
 from bridge.record.names import PROVENANCE_FILE
+from sitl_configs.own_code import OURS
 
 PACKAGES: Final = ("numpy", "scipy", "jsbsim", "pymavlink", "eclipse-zenoh", "pyarrow")
 SERIOUS: Final = ("jsbsim",)
@@ -37,8 +39,7 @@ CPU_FLAGS: Final = (
 )
 NONE: Final[Mapping[str, str]] = MappingProxyType({})
 UNKNOWN: Final = "(unknown)"
-GIT_TIMEOUT_S: Final = 2.0
-DIRTY: Final = "-dirty"
+GIT_TIMEOUT_S: Final = 10.0
 _ROOT: Final = Path(__file__).resolve().parents[2]
 
 
@@ -69,8 +70,8 @@ class Provenance:
 
     Attributes:
         lostlink: version.
-        git_commit: if it is a checkout; with changes followed by "-dirty-" and the beginning of the SHA-256 of
-            `git diff HEAD`.
+        git_commit: if it is a checkout; with changes of its packages followed by "-dirty-" and the beginning of their
+            SHA-256: of `git diff HEAD` and of new files.
         python: version.
         packages: version by name, "" if not installed.
         machine: operating system, C library and architecture.
@@ -90,6 +91,11 @@ class Provenance:
     autopilots: dict[str, AutopilotOrigin] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def made_by(self) -> str:
+        """Which lostlink, for people."""
+        return lostlink_told(self.lostlink, self.git_commit)
+
 
 def collect(
     autopilots: Mapping[str, AutopilotOrigin],
@@ -105,7 +111,7 @@ def collect(
     """
     return Provenance(
         lostlink=version_of("lostlink"),
-        git_commit=_git_commit(_ROOT),
+        git_commit=git_commit(),
         python=platform.python_version(),
         packages={name: version_of(name) for name in PACKAGES} | dict(packages),
         machine=f"{platform.system()} {platform.machine()} {' '.join(platform.libc_ver())}".strip(),
@@ -197,6 +203,11 @@ def _table(values: Any) -> dict[str, str]:
     return {str(name): str(value) for name, value in values.items()}
 
 
+def files_changed_since(made: Provenance) -> list[str]:
+    """Paths of its files that are others now, or gone."""
+    return [path for path, digest in made.files.items() if digest_if_readable(Path(path)) != digest]
+
+
 def differences(old: Provenance, new: Provenance) -> list[str]:
     """What is other now than when the record was made, as sentences.
 
@@ -250,25 +261,43 @@ def version_of(package: str) -> str:
         return ""
 
 
+def lostlink_told(version: str, commit: str) -> str:
+    """Which lostlink, for people."""
+    return f"lostlink {version or UNKNOWN}{commit and f' at commit {commit}'}"
+
+
+@cache
+def git_commit() -> str:
+    """`Provenance.git_commit` of this process, which looks once: later changes are none of what it has imported."""
+    return _git_commit(_ROOT)
+
+
 def _git_commit(root: Path) -> str:
-    """The commit of a checkout, and which changes it has; "" if it is none, or git is not there or slow."""
+    """The commit of a checkout, and which changes its packages have; "" if it is none, or git is not there or slow."""
     if not (root / ".git").exists():
         return ""
-    commit = _git(root, "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40").decode().strip()
-    if not commit.endswith(DIRTY):
-        return commit
-    changes = _git(root, "diff", "HEAD", "--binary", "--no-color", "--no-ext-diff", "--no-textconv")
-    return f"{commit}-{hashlib.sha256(changes).hexdigest()[:12]}" if changes else commit
+    commit = (_git(root, "rev-parse", "HEAD") or b"").decode().strip()
+    if not commit:
+        return ""
+    ours = ("--", *sorted(OURS))
+    changes = _git(root, "diff", "HEAD", "--binary", "--no-color", "--no-ext-diff", "--no-textconv", *ours)
+    new = _git(root, "ls-files", "--others", "--exclude-standard", "-z", *ours)
+    if changes is None or new is None:
+        return f"{commit}-dirty"  # for all that is known
+    digest = hashlib.sha256(changes)
+    for name in filter(None, new.split(b"\0")):
+        digest.update(name + digest_if_readable(root / os.fsdecode(name)).encode())
+    return f"{commit}-dirty-{digest.hexdigest()[:12]}" if changes or new else commit
 
 
-def _git(root: Path, *arguments: str) -> bytes:
-    """What git says; nothing if it fails or is slow."""
+def _git(root: Path, *arguments: str) -> bytes | None:
+    """What git says; None if it fails or is slow."""
     try:
         return subprocess.run(
             ["git", "-C", str(root), *arguments], capture_output=True, timeout=GIT_TIMEOUT_S, check=True
         ).stdout
     except (OSError, subprocess.SubprocessError):
-        return b""
+        return None
 
 
 def _cpu() -> str:

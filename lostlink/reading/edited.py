@@ -1,4 +1,4 @@
-"""Files that a run's radios name, and that are others now than when it was flown: models, maps, settings."""
+"""What a run's radios name, and is another now than when it was flown, or may be: models, maps, settings, presets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from bridge.record.digests import digest_if_readable
-from bridge.record.provenance import read_provenance
+from bridge.record.provenance import git_commit, lostlink_told, read_provenance, version_of
+from bridge.scenario.document.files import YAML
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.named_files import Named
 
@@ -36,6 +37,32 @@ def edited_files(run: Path, files: Mapping[str, str]) -> list[str]:
         for path, digest in files.items()
         if made.files.get(path, digest) != digest
     ]
+
+
+def presets_of_today(run: Path, recorded: Scenario, decided: Scenario) -> list[str]:
+    """Presets of the record that are read as this lostlink has them, which did not make it: a sentence, or none.
+
+    Args:
+        run: directory of the record, which has copies of files, but not of what ships.
+        recorded: its scenario.
+        decided: the scenario whose radios are made; presets that only this one names are asked for as they are.
+
+    Raises:
+        OSError, ValueError: what made the record cannot be read.
+    """
+    made, now = read_provenance(run), lostlink_told(version_of("lostlink"), git_commit())
+    names = sorted(_presets(recorded) & _presets(decided))
+    by = "it is not known what" if made is None else made.made_by
+    return [f"{', '.join(names)}: preset as of {now}; {by} made the record"] if names and by != now else []
+
+
+def _presets(scenario: Scenario) -> set[str]:
+    """Names of those that ship."""
+    nodes = [node.model_dump(mode="json", by_alias=True) for node in scenario.nodes]
+    nodes += [node["sensor"] for node in nodes if node.get("sensor")]
+    radios = [scenario.radio, *scenario.networks.values(), *(node.get("radio") for node in nodes)]
+    names = [radio.get("preset") if isinstance(radio, dict) else radio for radio in radios]
+    return {name for name in names if isinstance(name, str) and Path(name).suffix not in YAML}
 
 
 def _radios(scenario: dict[str, Any]) -> Iterator[Any]:

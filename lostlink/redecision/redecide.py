@@ -45,7 +45,7 @@ from channel.medium.addressees import Addressees, codes_of
 from channel.medium.ledger import Ledger
 from channel.medium.reception import EVERYBODY, Packets
 from channel.network.network import RadioRoute
-from lostlink.reading.edited import edited_files, radio_files
+from lostlink.reading.edited import edited_files, presets_of_today, radio_files
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.sent import SentPackets
@@ -74,7 +74,7 @@ class Redecision:
         books: of ``after``, with the verdict of the channel's judge: of `main`, then of the other networks.
         routes: that changed, each with the name of its network, tick by tick.
         files: that its radios name, with their SHA-256.
-        edited: those that are others now than when the run was flown, as sentences.
+        edited: what is another now than when the run was flown, or may be, as sentences: files, presets.
     """
 
     run: Path
@@ -204,7 +204,7 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
     routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
     books, files = tuple(each.books for each in anew), radio_files(scenario)
-    edited = tuple(edited_files(run, files))
+    edited = (*edited_files(run, files), *presets_of_today(run, recorded, scenario))
     return Redecision(run, scenario, before, after, facts, books, tuple(routes), files, edited)
 
 

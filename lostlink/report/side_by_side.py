@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bridge.record.names import as_seen_from
+from lostlink.compare.made_by import made_by
 from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
@@ -74,6 +75,7 @@ def _column(run: Run) -> Content:
         "name": "",
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
+        "made_by": made_by(run.path),
         "ending": run.ending or KILLED,
         "outcome": run.outcome,
         "verdict": run.verdict,
@@ -150,6 +152,8 @@ def table_of(content: Content) -> list[Row]:
         _row("scenario", [run["scenario"] for run in runs]),
         _row("seed", [str(run["seed"]) for run in runs]),
     ]
+    made = _row("made by", [run["made_by"] for run in runs])
+    rows += [made] if made[2] else []
     told = [
         (key, values) for key, values in content["settings"].items() if key not in ("seed", "expectations")
     ]

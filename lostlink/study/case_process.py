@@ -6,7 +6,8 @@ the next. It answers each line with one: the directory again.
 
 A case's directory has `plan.json` (`CasePlan`). What came of it goes to `result.json`, written as a whole when the run
 is over and measured, so that whoever finds one need not fly again, or with what ended its process. Paths in there are
-as seen from the directory of the run (`run`), or of the case if there is none. An interrupted run leaves none.
+as seen from the directory of the run (`run`), or of the case if there is none. An interrupted run leaves none. A run
+of other files, or of another lostlink, than its id says (the study was read before they were changed) is no result.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ import shutil
 import signal
 import sys
 import traceback
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -37,6 +38,7 @@ from bridge.fleet.how import How, how_joined
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.names import as_seen_from
+from bridge.record.provenance import git_commit
 from bridge.run.directory import RunDirectory
 from bridge.run.whole_file import whole_file
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
@@ -45,6 +47,7 @@ from bridge.scenario.resolve.radio import radio_of
 from bridge.scenario.resolve.sources import code_of
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
+from lostlink.study.made_of import Looker, MadeOf
 from lostlink.study.metrics import of_summary, of_tables, own
 from lostlink.study.model import Function, StudyError
 
@@ -80,21 +83,24 @@ class CasePlan:
         metrics: functions of the user's own.
         keep: which runs' directories stay: ``all``, ``failed`` or ``none``.
         dirs: where real autopilots are, as far as that was said.
-        labels: columns that say which run it is.
+        labels: columns that say which run it is, with what they say.
+        made_of: what its id is of; None: it was not kept, and is not seen to.
     """
 
     scenario: str
     metrics: tuple[Function, ...]
     keep: str
     dirs: AutopilotDirs = NOT_SAID
-    labels: tuple[str, ...] = ()
+    labels: Mapping[str, Any] = field(default_factory=dict)
+    made_of: MadeOf | None = None
 
     def write(self, directory: Path) -> None:
         """Put it where the process looks for it."""
         functions = [[one.place, one.name] for one in self.metrics]
         dirs = {name: str(said) for name, said in asdict(self.dirs).items() if said is not None}
         content = {"scenario": self.scenario, "metrics": functions, "keep": self.keep, "dirs": dirs}
-        write_whole(directory / PLAN_FILE, content | {"labels": self.labels})
+        made_of = None if self.made_of is None else asdict(self.made_of)
+        write_whole(directory / PLAN_FILE, {**content, "labels": self.labels, "made_of": made_of})
 
     @classmethod
     def read(cls, directory: Path) -> CasePlan:
@@ -102,7 +108,11 @@ class CasePlan:
         content = json.loads((directory / PLAN_FILE).read_text(encoding="utf-8"))
         functions = tuple(Function(place=place, name=name) for place, name in content["metrics"])
         dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
-        return cls(content["scenario"], functions, content["keep"], dirs, tuple(content["labels"]))
+        made_of = MadeOf(**content["made_of"]) if content.get("made_of") else None
+        labels = (
+            content["labels"] if isinstance(content["labels"], dict) else {}
+        )  # once they were names alone
+        return cls(content["scenario"], functions, content["keep"], dirs, labels, made_of)
 
     @property
     def measures(self) -> str:
@@ -236,11 +246,14 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
 
     Raises:
         PortsTaken: it could not start there.
+        StudyError: it is made of others than its id says.
     """
     _remove_link(directory)
     for old in directory.glob("*/"):
         shutil.rmtree(old, ignore_errors=True)
-    with at_free_ports(Scenario.from_yaml(plan.scenario)) as placed:
+    scenario = Scenario.from_yaml(plan.scenario)
+    _see_what_it_is_made_of(plan, scenario)
+    with at_free_ports(scenario) as placed:
         preflight(placed, plan.dirs)
         run = RunDirectory.create(directory, placed.name)
         how: How = how_joined(placed)
@@ -250,9 +263,26 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         return None
     if flight.has_no_ports:
         raise PortsTaken(summary["error"])
+    _see_what_it_is_made_of(plan, scenario)
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
+
+
+def _see_what_it_is_made_of(plan: CasePlan, scenario: Scenario) -> None:
+    """See that files, packages and lostlink are still those that its id is of.
+
+    Raises:
+        StudyError: they are not.
+    """
+    if plan.made_of is None:
+        return
+    now = Looker().made_of(scenario)
+    if now.id != plan.made_of.id:
+        raise StudyError(
+            f"no result of this run, as something was changed after the study was read: "
+            f"{now.changes_since(plan.made_of)}; start the study again"
+        )
 
 
 def fly_forked(directory: Path) -> None:
@@ -299,10 +329,11 @@ def _be_a_case(directory: Path) -> int:
 
 
 def load_all() -> None:
-    """Import what flying and measuring a case imports, so that no case has to."""
+    """Import what flying and measuring a case imports, and see which lostlink that is, so that no case has to."""
     for name in WARM:
         import_module(name)
     radio_of(read_scenario(DEFAULT_SCENARIO))  # models, installed laws
+    git_commit()
     _freeze()
 
 

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, reduce
 from itertools import product
-from operator import getitem
 from pathlib import Path
 from typing import Any
 
-from bridge.record.digests import file_digest
-from bridge.record.provenance import version_of
 from bridge.scenario.document.settings import ALL_NODES, Setting
 from bridge.scenario.file import read_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import MAX, Scenario
-from bridge.scenario.resolve.named_files import Named, digest_of_plain
+from lostlink.study.made_of import Looker, MadeOf
 from lostlink.study.model import RUNS_MAX, StudyError, StudyFile
 
-NOT_OF_THE_RESULT = ("ports", "processes", "zenoh", "hosts", "speed", "figure", "mcap", "mavlink.tlog")
-"""Keys of a scenario that change no result."""
 UNASKED = {"speed": MAX, "figure": False}
 """What runs of a study have unless the study says otherwise: as many as fit fly at a time, and nobody looks on."""
 UNKEPT = {"mcap.write": False, "mavlink.tlog": False}
@@ -34,16 +28,19 @@ class Case:
     """One run of a study.
 
     Attributes:
-        id: of its directory: the same for the same scenario, seed, contents of all files that these name or import,
-            and versions of lostlink and of packages that these import, whatever else the study has and wherever the
-            files lie.
         labels: what it is in the table: ``scenario`` (its name), ``case``, the keys that vary, ``seed``.
         scenario: as resolved.
+        made_of: what it is made of besides.
     """
 
-    id: str
     labels: Labels
     scenario: Scenario
+    made_of: MadeOf
+
+    @property
+    def id(self) -> str:
+        """Of its directory: the same whatever else the study has."""
+        return self.made_of.id
 
     @property
     def title(self) -> str:
@@ -78,7 +75,7 @@ def cases_of(study: StudyFile, folder: Path) -> list[Case]:
 
 
 def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
-    named = Named(cache(file_digest))  # many cases name the same files
+    looker = Looker()
     together: Mapping[str, Mapping[str, Any]] = study.cases or {"": {}}
     vary = {key: _labelled(choices) for key, choices in study.vary.items()}
     for place, (label, changes) in product(study.scenario, together.items()):
@@ -90,7 +87,7 @@ def _cases(study: StudyFile, folder: Path) -> Iterator[tuple[str, Case]]:
                 labels: Labels = {"case": label} if study.cases else {}
                 labels |= {key: text for key, (text, _) in varied.items()} | {"seed": seed}
                 at = _scenario_at(place, folder)
-                yield place, _case(at, labels, {**values, "seed": seed}, folder, named)
+                yield place, _case(at, labels, {**values, "seed": seed}, folder, looker)
 
 
 def laid_over(*layers: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,28 +131,19 @@ def _labelled(choices: Mapping[str, Any]) -> list[tuple[str | float, Any]]:
     return list(choices.items())
 
 
-def _case(place: str, labels: Labels, values: dict[str, Any], folder: Path, named: Named) -> Case:
+def _case(place: str, labels: Labels, values: dict[str, Any], folder: Path, looker: Looker) -> Case:
     told = _told({"scenario": Path(place).stem, **labels})
     settings = [Setting(key, value, told, folder) for key, value in values.items()]
     try:
         scenario = read_scenario(place, settings)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
-    return Case(_id(scenario, named), {"scenario": scenario.name, **labels}, scenario)
+    return Case({"scenario": scenario.name, **labels}, scenario, looker.made_of(scenario))
 
 
 def _scenario_at(place: str, folder: Path) -> str:
     beside = folder / place
     return str(beside) if beside.is_file() else place
-
-
-def _id(scenario: Scenario, named: Named) -> str:
-    content = scenario.model_dump(mode="json", by_alias=True)
-    for key in NOT_OF_THE_RESULT:
-        *parents, name = key.split(".")
-        del reduce(getitem, parents, content)[name]
-    whole = {"lostlink": version_of("lostlink"), "scenario": named.in_place(content)}
-    return digest_of_plain(whole)[:16]
 
 
 def _told(labels: Mapping[str, str | float]) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fractions import Fraction
+from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError, field_validator
 
@@ -17,6 +19,11 @@ from bridge.scenario.resolve.definition import missing
 from bridge.scenario.resolve.modules import CODE
 
 RUNS_MAX = 100_000
+RANGE: Final = frozenset(("from", "to", "count"))
+LIKE_A_RANGE: Final = RANGE.union(
+    ["first", "last", "start", "stop", "end", "begin", "step", "by", "num", "number"]
+)
+"""What no numbers are called by."""
 
 
 class StudyError(ValueError):
@@ -55,7 +62,8 @@ class StudyFile(Part):
         seeds: of each scenario with each setting.
         set: settings of all runs, by dotted key.
         cases: settings that go together, by label; each is flown. None: one, without a label.
-        vary: per dotted key its values, as a list, or by label as a mapping; each combination is flown.
+        vary: per dotted key its values, as a list, or by label as a mapping, or numbers in a row as ``{from, to,
+            count}``; each combination is flown.
         metrics: functions of a run (`lostlink.Run`) that give further columns, as FILE.py:NAME or module:NAME.
         figures: functions of the table (a pandas DataFrame) and a directory, which draw there at the end.
         keep: which runs' directories stay: of all, of those that failed, or of none.
@@ -110,7 +118,7 @@ class StudyFile(Part):
         _refuse_seed(value)
         return {
             key: _by_label(key, choices) if isinstance(choices, list) else choices
-            for key, choices in value.items()
+            for key, choices in ((key, _in_a_row(key, choices)) for key, choices in value.items())
         }
 
     @field_validator("set")
@@ -168,6 +176,25 @@ def read_study(path: Path) -> StudyFile:
 def _refuse_seed(settings: Mapping[str, Any]) -> None:
     if "seed" in settings:
         raise ValueError("seed is given by seeds:, as seeds: [1, 2] or seeds: {first: 1, count: 30}")
+
+
+def _in_a_row(key: str, choices: Any) -> Any:
+    """The numbers of a range, evenly from one to another, whole if all are and both ends are; others as they are."""
+    if not isinstance(choices, Mapping) or len(choices) < 2 or not choices.keys() <= LIKE_A_RANGE:
+        return choices
+    are_numbers = [type(each) in (int, float) and isfinite(each) for each in choices.values()]
+    if not any(are_numbers):
+        return choices
+    if choices.keys() != RANGE or not all(are_numbers) or choices["count"] not in range(2, RUNS_MAX + 1):
+        raise ValueError(
+            f"{key}: {', '.join(choices)} are not taken for labels; numbers in a row are a list, "
+            "or {from: 0.5, to: 3.0, count: 6}, of a count of 2 or more"
+        )
+    ends, count = (choices["from"], choices["to"]), int(choices["count"])
+    first, last = (Fraction(str(end)) for end in ends)  # as written: 0.3, not 0.1 + 0.2
+    numbers = [first + (last - first) * k / (count - 1) for k in range(count)]
+    are_whole = {type(end) for end in ends} == {int} and all(each.denominator == 1 for each in numbers)
+    return [int(each) if are_whole else float(each) for each in numbers]
 
 
 def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:

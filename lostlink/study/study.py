@@ -20,6 +20,7 @@ from lostlink.study.case_process import (
     recorded,
 )
 from lostlink.study.cases import Case, cases_of
+from lostlink.study.earlier import earlier_results
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import link_column, load
 from lostlink.study.model import Function, StudyError, StudyFile, read_study
@@ -83,6 +84,12 @@ class Study:
         """The runs that are still to be flown or measured."""
         measures = measures_of(self.content.metrics)
         return [case for case in self.cases if not is_done(self.path(case), measures, case.labels)]
+
+    def earlier(self) -> dict[str, str]:
+        """Why runs are to be flown though there are results with their labels, in words, by id."""
+        measured = self.to_measure()
+        cases = [case for case in self.left() if case.id not in measured]
+        return earlier_results(self.directory / RUNS_FOLDER, cases)
 
     def path(self, case: Case) -> Path:
         """The directory of a run of the study."""
@@ -165,5 +172,5 @@ class Study:
     def _plan(self, case: Case) -> CasePlan:
         content = self.content
         return CasePlan(
-            case.scenario.to_yaml(), content.metrics, content.keep, self._dirs, tuple(case.labels)
+            case.scenario.to_yaml(), content.metrics, content.keep, self._dirs, case.labels, case.made_of
         )

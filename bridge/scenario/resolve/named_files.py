@@ -6,8 +6,9 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -44,6 +45,15 @@ def named_code(scenario: Scenario) -> Code:
     return Code(tuple(sorted(named.files)), dict(sorted(named.packages.items())))
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a file brings: its digest with all that it names or imports, these files, and packages."""
+
+    digest: str = ""
+    files: frozenset[Path] = frozenset()
+    packages: Mapping[str, str] = field(default_factory=dict)
+
+
 class Named:
     """Takes in files and modules that texts name, and what these name or import in their turn.
 
@@ -57,9 +67,15 @@ class Named:
 
     def __init__(self, digest_of: Digest | None = None) -> None:
         self._digest_of = digest_of
-        self._known: dict[Path, str] = {}
+        self._known: dict[Path, _Found] = {}
         self.files: set[Path] = set()
         self.packages: dict[str, str] = {}
+
+    def anew(self) -> Named:
+        """One that has found nothing yet, and need not look into files again that this one knows, nor this one."""
+        other = Named(self._digest_of)
+        other._known = self._known
+        return other
 
     def in_place(self, tree: Any, folder: Path | None = None) -> Any:
         """A tree in which contents stand in place of each text that names a file: the same wherever the files lie.
@@ -84,10 +100,15 @@ class Named:
         if not path.is_absolute() or not _is_file(path):
             return text
         if path not in self._known:
-            self._known[path] = ""  # of one that names itself
-            self._known[path] = self._file(path)
+            self._known[path] = _Found()  # of one that names itself
+            inner = self.anew()
+            digest = inner._file(path)
+            self._known[path] = _Found(digest, frozenset(inner.files), inner.packages)
+        found = self._known[path]
+        self.files |= found.files
+        self.packages |= found.packages
         file, _, name = text.rpartition(":")
-        return [name if file.endswith(CODE) else "", self._known[path]]
+        return [name if file.endswith(CODE) else "", found.digest]
 
     def _file(self, path: Path) -> str:
         if path.suffix == CODE:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
@@ -34,7 +35,7 @@ from lostlink.study.study import NOT_FLOWN, Standing, Study
 from lostlink.study.table import TABLE_FILE
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
-COLUMNS_MAX, LINES_MAX = 8, 40
+COLUMNS_MAX, LINES_MAX, REASONS_MAX = 8, 40, 4
 
 
 @click.command(short_help="Fly many runs: seeds, settings, scenarios; one table at the end.")
@@ -55,7 +56,7 @@ COLUMNS_MAX, LINES_MAX = 8, 40
     "--json",
     "as_json",
     is_flag=True,
-    help="Print the table's rows as JSON lines (nan as null), and nothing else on stdout.",
+    help="Print the table's rows as JSON lines (nan as null), with --dry-run the runs, and nothing else on stdout.",
 )
 def study(
     file: Path,
@@ -71,8 +72,8 @@ def study(
 
     At the end it shows means over the seeds for each setting, with their standard errors; if it is interrupted, of the
     runs that are over. It goes on when it is started again: runs that are done are not flown again. Runs whose scenario
-    or agent (with what it imports) changed are other runs. Ends with status 0 if all runs came to their end and were
-    measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
+    or agent (with what it imports) changed are other runs, and so are all when lostlink did. Ends with status 0 if all
+    runs came to their end and were measured and all figures were drawn, 1 if not, 2 if the study cannot be flown.
 
     \b
     Examples:
@@ -87,9 +88,10 @@ def study(
     try:
         console.print(f"{file}: reads the scenario of each run", soft_wrap=True)
         ours = Study(file, out, AutopilotDirs(ardupilot_dir, px4_dir))
-        left = _tell_left(ours, console)
+        earlier = ours.earlier()
+        left = _tell_left(ours, earlier, console)
         if dry_run:
-            _tell_plan(ours, console)
+            _tell_plan(ours, earlier, console, as_json=as_json)
             return
         failed = 0
         if left:
@@ -196,20 +198,28 @@ def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
     return LocalLanes(lanes or min(8, core_count()))
 
 
-def _tell_left(ours: Study, console: Console) -> int:
-    """Say how much there is to do; gives how many runs are left."""
+def _tell_left(ours: Study, earlier: dict[str, str], console: Console) -> int:
+    """Say how much there is to do, and why, where results do not count; gives how many runs are left."""
     left, measured = len(ours.left()), len(ours.to_measure())
     again = f", to measure again: {measured}" if measured else ""
     text = f"{ours.directory}: runs: {len(ours.cases)}, to fly: {left - measured}{again}"
     console.print(text, soft_wrap=True)
+    for why, count in Counter(earlier.values()).most_common(REASONS_MAX):
+        results = "1 earlier result does" if count == 1 else f"{count} earlier results do"
+        console.print(f"{results} not count: {why}", soft_wrap=True)
     return left
 
 
-def _tell_plan(ours: Study, console: Console) -> None:
+def _tell_plan(ours: Study, earlier: dict[str, str], console: Console, *, as_json: bool) -> None:
+    """Say of each run what is to be done; as JSON also why."""
     left, measured = {case.id for case in ours.left()}, ours.to_measure()
     for case in ours.cases:
-        what = "measure" if case.id in measured else "to fly " if case.id in left else "done   "
-        console.print(f"{what}  {case.id}  {case.title}", soft_wrap=True)
+        what = "measure" if case.id in measured else "to fly" if case.id in left else "done"
+        if as_json:
+            row = {**case.labels, "id": case.id, "standing": what, "earlier": earlier.get(case.id, "")}
+            click.echo(json.dumps(plain(row)))
+        else:
+            console.print(f"{what:7}  {case.id}  {case.title}", soft_wrap=True)
 
 
 def _show(news: Iterator[Standing], console: Console) -> int:
@@ -236,5 +246,7 @@ def _line(standing: Standing, ready_at: float) -> str:
     line = f"{standing.done} of {standing.count} runs"
     if not ready_at:
         return line
-    remaining_s = max(0.0, ready_at - monotonic())
+    remaining_s = ready_at - monotonic()
+    if remaining_s <= 0.0:
+        return f"{line}, the next takes longer than those before"
     return f"{line}, about {remaining_s // 60:.0f} min {remaining_s % 60:.0f} s remain"

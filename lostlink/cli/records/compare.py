@@ -59,20 +59,24 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
 def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
     from lostlink.cli.records.report import tell_mistakes
     from lostlink.compare.compare import examine
+    from lostlink.compare.made_by import others_made_by
     from lostlink.compare.summary import mistakes_in_summary
 
     try:
         run_a, run_b = runs
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
+        others = others_made_by(runs)
         settings = {} if comparison.difference is None else _settings(runs)
         forged = {str(run): mistakes for run in (run_a, run_b) if (mistakes := mistakes_in_summary(run))}
     except (OSError, ValueError) as error:
         fail(error)
     if as_json:
-        more = {"settings": settings, "summary_mistakes": forged}
+        more = {"settings": settings, "summary_mistakes": forged, "made_by": others}
         click.echo(json.dumps(as_plain(comparison) | more, allow_nan=False))
     else:
         say(as_text(comparison, run_a, run_b))
+        if others:
+            say("; ".join(f"{by} made {run}" for run, by in others.items()))
     tell_mistakes(forged)
     if settings and not as_json:
         say("The scenarios differ. What came of each run:")

@@ -44,7 +44,7 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
       lostlink report runs/A --out /tmp/a.html
       lostlink report runs/A --json | jq .totals
     """
-    from lostlink.reading.edited import edited_files, radio_files
+    from lostlink.reading.edited import edited_files, presets_of_today, radio_files
     from lostlink.reading.run import load_run
     from lostlink.report.content import content_of
 
@@ -53,7 +53,8 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
         if out is not None and not out.parent.is_dir():
             raise ValueError(f"--out {out}: there is no directory {out.parent}; make it first")
         found = load_run(run)
-        for line in edited_files(found.path, radio_files(found.scenario)):
+        edited = edited_files(found.path, radio_files(found.scenario))
+        for line in (*edited, *presets_of_today(found.path, found.scenario, found.scenario)):
             warn(f"{line}: the model's curve is that of today's")
         content = content_of(found, tell)
         if out is not None or not as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import signal
 import socket
 from itertools import pairwise
@@ -319,3 +320,37 @@ def test_terrain_from_a_file_lies_under_the_scenarios_origin(start_run: StartRun
     rows = rows_of(run)
     assert rows
     assert [row.received_power_dbm for row in rows] == pytest.approx([expected] * len(rows), abs=0.5)
+
+
+EDITED_BEFORE_IT_IS_LOADED = """
+from pathlib import Path
+
+from bridge.agents import Agent
+
+Path(__file__).with_name("laws.py").write_text("GAIN = 3\\n", encoding="utf-8")
+import laws
+
+
+class Mine(Agent):
+    async def fly(self):
+        self.log("gain", laws.GAIN)
+"""
+
+
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+def test_code_that_is_edited_before_it_is_loaded_is_told(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    """Its digest is that of before: what is in the record did not fly."""
+    laws = tmp_path / "laws.py"
+    laws.write_text("GAIN = 2\n", encoding="utf-8")
+    (tmp_path / "mine.py").write_text(EDITED_BEFORE_IT_IS_LOADED, encoding="utf-8")
+    agent = f"{{{{type: own, class: '{tmp_path}/mine.py:Mine'}}}}"
+    run = start_run(scenario=STILL.replace("{{type: still}}", agent, 1), duration_s=1.0, processes=processes)
+    assert run.finish() == 0, run.output.decode()
+    made = read_provenance(run.directory)
+    assert made is not None
+    assert made.files[str(laws)] == hashlib.sha256(b"GAIN = 2\n").hexdigest()
+    told = f"{laws} was changed while the run flew: provenance.json has it as it was before"
+    assert run.summary["may_not_repeat"] == [told]
+    assert f"may not repeat: {told}" in run.output.decode()

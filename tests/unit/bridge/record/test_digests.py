@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
-from bridge.record.digests import digest_line, digests
+from bridge.record.digests import digest_line, digest_now, digests, file_digest
 from bridge.record.names import packets
 from bridge.record.pack import pack_streams
 from bridge.record.streams import StreamWriter
@@ -46,3 +47,16 @@ def test_equal_runs_have_equal_lines_and_others_do_not(tmp_path: Path) -> None:
 
 def test_what_is_not_there_is_left_out(tmp_path: Path) -> None:
     assert digests(tmp_path) == {}
+
+
+def test_a_file_is_looked_into_again_once_it_was_changed(tmp_path: Path) -> None:
+    """Also where it has the length, and says that it has the age, that it had."""
+    file = tmp_path / "laws.py"
+    file.write_bytes(b"GAIN = 2")
+    about = file.stat()
+    assert digest_now(file) == file_digest(file)
+    file.write_bytes(b"GAIN = 3")
+    os.utime(file, ns=(about.st_atime_ns, about.st_mtime_ns))
+    while file.stat().st_ctime_ns == about.st_ctime_ns:  # clocks of file systems are coarse
+        os.utime(file, ns=(about.st_atime_ns, about.st_mtime_ns))
+    assert digest_now(file) == file_digest(file)

@@ -18,6 +18,7 @@ from bridge.record.provenance import (
     ardupilot_origin,
     collect,
     differences,
+    git_commit,
     px4_origin,
     read_provenance,
     standin_origin,
@@ -129,25 +130,42 @@ def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path, monkeypatch: py
     git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
     subprocess.run([*git, "init", "-q"], check=True)
     assert _git_commit(tmp_path) == ""
-    (tmp_path / "f").write_text("1")
-    subprocess.run([*git, "add", "f"], check=True)
+    ours = tmp_path / "channel"
+    ours.mkdir()
+    (ours / "f").write_text("1")
+    (tmp_path / ".gitignore").write_text("*.pyc\n")
+    subprocess.run([*git, "add", "."], check=True)
     subprocess.run([*git, "commit", "-qm", "m"], check=True)
     commit = subprocess.run(
         [*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True
     ).stdout.strip()
+    (ours / "f.pyc").write_text("made of it")
+    (tmp_path / "study.yaml").write_text("a user's")
+    (tmp_path / ".gitignore").write_text("*.pyc\nruns/\n")  # none of what flies
     assert _git_commit(tmp_path) == commit
-    (tmp_path / "f").write_text("2")
+    (ours / "f").write_text("2")
     first = _git_commit(tmp_path)
-    (tmp_path / "f").write_text("3")
+    (ours / "f").write_text("3")
     second = _git_commit(tmp_path)
-    assert all(text.startswith(f"{commit}-dirty-") for text in (first, second))
-    assert first != second
-    (tmp_path / "f").write_text("2")
+    (ours / "new").write_text("1")
+    third = _git_commit(tmp_path)
+    (ours / "new").write_text("2")
+    fourth = _git_commit(tmp_path)
+    assert all(text.startswith(f"{commit}-dirty-") for text in (first, second, third, fourth))
+    assert len({first, second, third, fourth}) == 4
+    (ours / "new").unlink()
+    (ours / "f").write_text("2")
     assert _git_commit(tmp_path) == first
     monkeypatch.setattr(
-        provenance, "_git", lambda _, what, *__: f"{commit}-dirty".encode() * (what != "diff")
+        provenance, "_git", lambda _, what, *__: commit.encode() if what == "rev-parse" else None
     )
     assert _git_commit(tmp_path) == f"{commit}-dirty"  # slow
+
+
+def test_a_process_looks_once_for_the_commit_of_what_it_has_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = git_commit()
+    monkeypatch.setattr(provenance, "_git_commit", lambda _root: "f" * 40)
+    assert collect({}).git_commit == now
 
 
 def test_the_version_of_a_px4_is_what_its_build_says(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bridge.record.names import packets
+from bridge.record.provenance import Provenance, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from lostlink.cli.records.compare import compare
@@ -62,6 +63,19 @@ def test_json_has_the_same(tmp_path: Path) -> None:
     }
     same = json.loads(run(a, a, "--json").output)
     assert (same["identical"], same["difference"], same["ticks"]) == (True, None, 20)
+
+
+def test_runs_of_other_lostlinks_name_them_in_a_line(tmp_path: Path) -> None:
+    a, b, c = (make_run(tmp_path / name) for name in "abc")
+    assert json.loads(run(a, b, "--json").output)["made_by"] == {}
+    for made, commit in ((a, "a" * 40), (b, "b" * 40)):
+        write_provenance(Provenance("0.1.0", commit), made)
+    of_a, of_b = (f"lostlink 0.1.0 at commit {letter * 40}" for letter in "ab")
+    assert run(a, b).output.splitlines()[1:] == [f"{of_a} made {a}; {of_b} made {b}"]
+    assert json.loads(run(a, b, "--json").output)["made_by"] == {str(a): of_a, str(b): of_b}
+    assert run(a, c).output.splitlines()[1:] == [f"{of_a} made {a}; it is not known what made {c}"]
+    write_provenance(Provenance("0.1.0", "a" * 40), b)
+    assert len(run(a, b).output.splitlines()) == 1
 
 
 def test_what_cannot_be_read_has_status_2(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,6 +258,21 @@ def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_pa
     assert redecide(tmp_path / "edited").stderr == ""
     page = CliRunner().invoke(lostlink, ["report", str(made)])
     assert page.stderr.startswith(f"lostlink: {line}: the model's curve is that of today's\n")
+
+
+def test_presets_of_another_lostlink_than_made_the_record_are_told(tmp_path: Path) -> None:
+    """A record has copies of radios in files, and of what ships the names."""
+    made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 20)
+    here = collect({})
+    write_provenance(here, made)
+    assert redecide(made).stderr == ""
+    write_provenance(replace(here, git_commit="c" * 40), made)
+    told = redecide(made, "--json", "--seed", 7)
+    line = f"moon2020: preset as of {here.made_by}; lostlink {here.lostlink} at commit {'c' * 40} made the record"
+    assert told.stderr == f"lostlink: {line}\n"
+    assert json.loads(told.stdout)["edited"] == [line]
+    assert redecide(made, "--radio", "wifi-2.4").stderr == ""  # asked for, as it is
+    assert redecide(made, "--set", "radio.transmit_power_dbm=17").stderr == f"lostlink: {line}\n"
 
 
 def test_a_run_decided_anew_has_lost_nothing_of_the_run(tmp_path: Path) -> None:

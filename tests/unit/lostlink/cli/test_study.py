@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -11,12 +12,17 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from rich.console import Console
 
-from lostlink.cli.flying.study import study
+from bridge.run.every import Every
+from lostlink.cli.flying.study import _show, study
 from lostlink.study.case_process import RESULT_FILE, CasePlan, read_result, write_whole
+from lostlink.study.cases import Case
 from lostlink.study.lanes import LocalLanes
+from lostlink.study.made_of import MadeOf
 from lostlink.study.study import Standing, Study
 from lostlink.study.table import TABLE_FILE
+from tests.unit.lostlink.replay.flown import scenario_of
 
 FIGURES = """
 def broken(table, directory):
@@ -59,6 +65,7 @@ def file(tmp_path: Path) -> Path:
         metrics = {"passed": True, "delivery": delivery, "series": [1.0, float("inf")]}
         content = {"failure": "", "measures": measures, "metrics": metrics, "timing": {}}
         write_whole(ours.path(case) / RESULT_FILE, content)
+        ours._plan(case).write(ours.path(case))
     return file
 
 
@@ -181,6 +188,41 @@ def test_figures_without_pandas_are_refused_before_anything_flies(
     done = run(file, "--dry-run")
     assert (done.exit_code, done.stdout) == (2, f"{file}: reads the scenario of each run\n")
     assert "figures: needs pandas: pip install 'lostlink[pandas]'" in done.stderr
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_why_runs_with_results_are_flown_again_is_told_in_a_line(
+    file: Path, monkeypatch: pytest.MonkeyPatch, as_json: bool
+) -> None:
+    (before,) = {case.made_of.lostlink for case in Study(file, file.parent).cases}
+    monkeypatch.setattr("lostlink.study.made_of.git_commit", lambda: "a" * 40)
+    (now,) = {case.made_of.lostlink for case in Study(file, file.parent).cases}
+    told = run(file, "--dry-run", *(["--json"] if as_json else []))
+    why = f"{now} in place of {before}"
+    assert f"to fly: 2\n2 earlier results do not count: {why}\n" in (told.stderr if as_json else told.stdout)
+    if as_json:
+        rows = [json.loads(line) for line in told.stdout.splitlines()]
+        assert [(row["seed"], row["standing"], row["earlier"]) for row in rows] == [
+            (1, "to fly", why),
+            (2, "to fly", why),
+        ]
+
+
+def test_what_is_longer_than_it_was_to_take_has_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that stands still is given up after much longer than others take."""
+    clock_s = iter([0.0, 8.0, 8.0, 8.0, 10.0, 100.0])
+    monkeypatch.setattr("lostlink.cli.flying.study.monotonic", lambda: next(clock_s))
+    monkeypatch.setattr(Every, "is_due", lambda _self: True)
+    case = Case({"seed": 1}, scenario_of("perfect", ("0", "1")), MadeOf())
+    over, standing = Standing(1, 0, 2, case), Standing(1, 0, 2)
+    text = io.StringIO()
+    _show(iter([Standing(0, 0, 2), over, standing, standing]), Console(file=text, width=200))
+    assert text.getvalue().splitlines() == [
+        "0 of 2 runs",
+        "1 of 2 runs, about 0 min 8 s remain",
+        "1 of 2 runs, about 0 min 6 s remain",
+        "1 of 2 runs, the next takes longer than those before",
+    ]
 
 
 @pytest.mark.slow

@@ -75,6 +75,9 @@ def test_what_differs_and_what_does_not(runs: list[Path]):
     content = side_by_side([load_run(path) for path in runs])
     assert content["settings"] == {"nodes": [2, 2, 2, 3], "seed": [1, 1, 2, 1]}
     rows = {name: (cells, differs) for name, cells, differs in table_of(content)}
+    assert "made by" not in rows
+    other = [run | {"made_by": f"lostlink {k}"} for k, run in enumerate(content["runs"])]
+    assert table_of(content | {"runs": other})[2] == ("made by", [f"lostlink {k}" for k in range(4)], True)
     assert rows["seed"] == (["1", "1", "2", "1"], True)
     assert rows["scenario"] == (["made"] * 4, False)
     assert rows["outcome"] == (["fail"] * 3 + ["–"], True)

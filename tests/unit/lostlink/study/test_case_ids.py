@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from dataclasses import replace
 from importlib import metadata, util
 from pathlib import Path
 
 import pytest
 
-from lostlink.study.case_process import RESULT_FILE, CasePlan, measures_of, write_whole
+from bridge.record.digests import file_digest
+from bridge.record.provenance import collect, write_provenance
+from lostlink.study import made_of
+from lostlink.study.case_process import (
+    PLAN_FILE,
+    RESULT_FILE,
+    RUN_FOLDER,
+    CasePlan,
+    fly_case,
+    measures_of,
+    read_result,
+    write_whole,
+)
 from lostlink.study.study import Study
 from tests.unit.bridge.scenario.test_named_files import GAINS, SCENARIO, made
 
@@ -36,6 +50,7 @@ def finish(folder: Path) -> None:
     ours = Study(folder / "study.yaml", folder)
     for case in ours.cases:
         ours.path(case).mkdir(parents=True, exist_ok=True)
+        ours._plan(case).write(ours.path(case))
         result = {"failure": "", "measures": CasePlan("", (), "all").measures, "metrics": {}, "timing": {}}
         write_whole(ours.path(case) / RESULT_FILE, result)
 
@@ -82,6 +97,12 @@ def test_another_terrain_is_another_run(folder: Path) -> None:
 
 def test_another_version_of_lostlink_is_another_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metadata, "version", lambda _package: "99.0")
+    assert left(folder) == 2
+
+
+def test_another_commit_of_lostlink_is_another_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its version stays the same from commit to commit."""
+    monkeypatch.setattr(made_of, "git_commit", lambda: f"{'a' * 40}-dirty-{'b' * 12}")
     assert left(folder) == 2
 
 
@@ -153,3 +174,94 @@ def test_code_on_the_path_may_lie_elsewhere_too(tmp_path: Path, monkeypatch: pyt
             ours = Study(folder / "study.yaml", folder)
             found.append((ours.cases[0].id, measures_of(ours.content.metrics)))
     assert found[0] == found[1]
+
+
+def earlier(folder: Path) -> list[str]:
+    return list(Study(folder / "study.yaml", folder).earlier().values())
+
+
+def edit(file: Path) -> None:
+    with file.open("a") as text:
+        text.write("# other\n")
+
+
+def test_a_study_says_why_runs_with_results_are_flown_again(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = Study(folder / "study.yaml", folder).cases[0].made_of.lostlink
+    assert earlier(folder) == []
+    edit(folder / "own.yaml")
+    edit(folder / "models" / "mine.py")
+    assert earlier(folder) == ["other files (mine.py, own.yaml)"] * 2
+    monkeypatch.setattr(made_of, "git_commit", lambda: "a" * 40)
+    lostlink = f"lostlink {metadata.version('lostlink')} at commit {'a' * 40} in place of {before}"
+    assert earlier(folder) == [f"other files (mine.py, own.yaml), {lostlink}"] * 2
+    finish(folder)
+    assert earlier(folder) == []
+
+
+def test_the_last_earlier_result_of_a_run_is_told_and_none_of_other_runs(folder: Path) -> None:
+    study = folder / "study.yaml"
+    study.write_text(STUDY.replace("[1, 2]", "[2, 3]"))
+    edit(folder / "own.yaml")
+    finish(folder)
+    edit(folder / "models" / "mine.py")
+    assert earlier(folder) == ["other files (mine.py)"] * 2
+    study.write_text(STUDY.replace("[1, 2]", "[1, 4]"))
+    assert earlier(folder) == ["other files (mine.py, own.yaml)"]
+    study.write_text(STUDY.replace("[1, 2]", "[2, 3]") + "set: {duration_s: 7}\n")
+    assert earlier(folder) == ["other files (mine.py)"] * 2
+
+
+def test_other_settings_are_told_where_nothing_else_is_other(folder: Path) -> None:
+    (folder / "study.yaml").write_text(f"{STUDY}set: {{duration_s: 7}}\n")
+    assert earlier(folder) == ["another scenario, or other settings"] * 2
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_of_results_of_older_plans_the_record_says_what_made_them(folder: Path, is_kept: bool) -> None:
+    ours = Study(folder / "study.yaml", folder)
+    for case in ours.cases:
+        plan = json.loads((ours.path(case) / PLAN_FILE).read_text())
+        plan["labels"] = list(plan.pop("made_of") and plan["labels"])
+        write_whole(ours.path(case) / PLAN_FILE, plan)
+        if is_kept:
+            (ours.path(case) / RUN_FOLDER).mkdir()
+            files = map(Path, case.made_of.files)
+            write_provenance(replace(collect({}, files), git_commit="c" * 40), ours.path(case) / RUN_FOLDER)
+    edit(folder / "own.yaml")
+    now = Study(folder / "study.yaml", folder).cases[0].made_of.lostlink
+    known = f"other files (own.yaml), {now} in place of lostlink {metadata.version('lostlink')} at commit {'c' * 40}"
+    assert earlier(folder) == [known if is_kept else "what these were made of is not known"] * 2
+
+
+def test_what_another_lostlink_was_to_fly_is_not_flown(folder: Path) -> None:
+    """On a worker of a cluster, say."""
+    ours = Study(folder / "study.yaml", folder)
+    case, directory = ours.cases[0], ours.path(ours.cases[0])
+    (directory / RESULT_FILE).unlink()
+    theirs = replace(case.made_of, id="0123456789abcdef", lostlink="lostlink 0.0.9")
+    replace(ours._plan(case), made_of=theirs).write(directory)
+    assert fly_case(directory) == 1
+    result = read_result(directory)
+    assert result is not None
+    assert result["failure"] == (
+        "no result of this run, as something was changed after the study was read: "
+        f"{case.made_of.lostlink} in place of lostlink 0.0.9; start the study again"
+    )
+    assert case in Study(folder / "study.yaml", folder).left()
+
+
+def test_each_run_has_the_files_that_it_names_itself_or_through_others(folder: Path) -> None:
+    """Each file is looked into once, whichever run names it first."""
+    study = f"{STUDY.replace('[1, 2]', '1')}vary: {{radio: [radio.yaml, moon2020]}}\n"
+    (folder / "study.yaml").write_text(study)
+    own, preset = (case.made_of.files for case in Study(folder / "study.yaml", folder).cases)
+    assert {Path(path).name for path in own.keys() - preset.keys()} == {
+        "radio.yaml",
+        "base.yaml",
+        "gains.csv",
+        "mine.py",
+    }
+    assert str(folder / "maps" / "shear.nc") in preset
+    assert all(digest == file_digest(Path(path)) for path, digest in own.items())

@@ -71,7 +71,7 @@ def test_a_metric_called_as_what_varies_is_refused(tmp_path: Path) -> None:
     plan = CasePlan("", (Function(place=str(tmp_path / "own.py"), name="measure"),), "all")
     plan.write(tmp_path)
     assert fly_case(tmp_path) == 0
-    replace(plan, labels=("radio", "seed")).write(tmp_path)
+    replace(plan, labels={"radio": "perfect", "seed": 1}).write(tmp_path)
     assert fly_case(tmp_path) == 1
     result = read_result(tmp_path)
     assert result is not None

@@ -47,6 +47,29 @@ def test_every_combination_is_a_run_and_seeds_vary_fastest(tmp_path):
     assert runs[0].scenario.ua[1].agent.distance_m == 300
 
 
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ("{from: 0.5, to: 3.0, count: 3}", [0.5, 1.75, 3.0]),
+        ("{count: 4, from: 0.1, to: 0.4}", [0.1, 0.2, 0.3, 0.4]),
+        ("{from: 0.1, to: -0.1, count: 3}", [0.1, 0.0, -0.1]),
+        ("{from: 1, to: 2, count: 3}", [1.0, 1.5, 2.0]),
+        ("{from: 300, to: 700, count: 3}", [300, 500, 700]),
+    ],
+)
+def test_numbers_in_a_row_are_varied_from_one_to_another(tmp_path, words, values):
+    study = read_study(write(tmp_path, f"vary: {{nodes.1.home.north_m: {words}}}\n"))
+    assert study.vary == {"nodes.1.home.north_m": {str(value): value for value in values}}
+    assert {type(value) for value in study.vary["nodes.1.home.north_m"].values()} == {type(values[0])}
+    labels = [case.labels["nodes.1.home.north_m"] for case in cases_of(study, tmp_path)]
+    assert labels == values
+
+
+def test_labels_may_be_called_as_the_ends_of_a_range(tmp_path):
+    text = "vary: {radio: {from: moon2020, to: corrected}}\n"
+    assert [run.labels["radio"] for run in cases(tmp_path, text)] == ["from", "to"]
+
+
 def test_cases_change_several_values_together_and_win_over_those_of_all_runs(tmp_path):
     runs = cases(
         tmp_path,
@@ -219,6 +242,21 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("vary: {x: [1, '1']}\n", "vary: .*x has the value 1 more than once"),
         ("vary: {x: [1, 1.0]}\n", "vary: .*x has the value 1.0 more than once"),
         ("vary: {x: [1.0, true, 1]}\n", "vary: .*x has the value 1 more than once"),
+        (
+            "vary: {duration_s: {from: 1, to: 3, step: 1}}\n",
+            "vary: .*duration_s: from, to, step .*{from: 0.5, to:",
+        ),
+        (
+            "vary: {duration_s: {first: 1, count: 3}}\n",
+            "vary: .*duration_s: first, count are not taken for labels",
+        ),
+        (
+            "vary: {duration_s: {from: 1, to: 3 m, count: 3}}\n",
+            "vary: .*from, to, count are not taken for labels",
+        ),
+        ("vary: {duration_s: {from: 1, to: 3, count: 1}}\n", "vary: .*a count of 2 or more"),
+        ("vary: {duration_s: {from: 1, to: 3, count: 2.5}}\n", "vary: .*a count of 2 or more"),
+        ("vary: {duration_s: {from: 1, to: 1, count: 2}}\n", "vary: .*the value 1 more than once"),
         ("vary: {seed: [1, 2]}\n", "vary: .*seed is given by seeds:"),
         ("set: {seed: 5}\n", "set: .*seed is given by seeds:"),
         ("cases: {a: {seed: 5}}\n", "cases: .*seed is given by seeds:"),
