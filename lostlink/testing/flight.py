@@ -103,8 +103,9 @@ class FleetFlight:
         self._is_stopped = False
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}")
-        self._thread.start()
+        self._over = threading.Event()
+        """What is waited for: an interrupted `Thread.join` may take the thread for ended."""
+        threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}").start()
 
     def _fly(self, dirs: AutopilotDirs) -> None:
         try:
@@ -117,6 +118,8 @@ class FleetFlight:
                     return
         except BaseException as error:
             self._error = error
+        finally:
+            self._over.set()
 
     def _move(self) -> None:
         """Be elsewhere, in place of a flight that could not start."""
@@ -142,7 +145,7 @@ class FleetFlight:
     @property
     def is_over(self) -> bool:
         """Whether it has ended, and its record is complete."""
-        return not self._thread.is_alive()
+        return self._over.is_set()
 
     def recorded_s(self) -> float:
         """Sim time up to which there is a whole record, s; below 0 before the first tick.
@@ -236,7 +239,7 @@ class FleetFlight:
 
     async def end(self) -> RunResult:
         """Wait for its end; gives what came of it."""
-        await asyncio.to_thread(self._thread.join)
+        await asyncio.to_thread(self._over.wait)
         return self.result()
 
     def result(self) -> RunResult:
@@ -245,7 +248,7 @@ class FleetFlight:
         Raises:
             OSError, ValueError: its record could not be written.
         """
-        self._thread.join()
+        self._over.wait()
         self.end_s = math.inf
         if self._error is not None:
             raise self._error
@@ -256,7 +259,7 @@ class FleetFlight:
         """End it now, in order, and wait for that."""
         self._is_stopped = True
         self._flight.interrupt()
-        self._thread.join()
+        self._over.wait()
 
     def lines(self) -> Iterator[str]:
         """Where its record is, how it ended and which expectations were not met, for people."""
@@ -288,6 +291,7 @@ class Flights:
     def __init__(self, directory: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
         self._directory, self._dirs = directory, dirs
         self._flights: list[FleetFlight] = []
+        self._is_stopped = False
 
     async def __call__(
         self,
@@ -340,6 +344,8 @@ class Flights:
         resolved = read_like(scenario, {"figure": False} | asked)
         flight = FleetFlight(partial(self._placed, resolved), self._dirs)
         self._flights.append(flight)
+        if self._is_stopped:  # by whoever did not wait until it was in the air
+            flight.stop()
         return flight
 
     def _placed(self, scenario: Scenario) -> tuple[Flight, ExitStack]:
@@ -356,6 +362,7 @@ class Flights:
             yield from flight.lines()
 
     def stop(self) -> None:
-        """End all that still fly."""
+        """End all that still fly, and what is only being started."""
+        self._is_stopped = True
         for flight in self._flights:
             flight.stop()
