@@ -107,6 +107,10 @@ class FleetFlight:
         """What is waited for: an interrupted `Thread.join` may take the thread for ended."""
         threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}").start()
 
+    def __repr__(self) -> str:
+        """Short enough for what an assertion shows of it."""
+        return f"<FleetFlight {self.path.name}: {self._told() if self.is_over else 'goes on'}>"
+
     def _fly(self, dirs: AutopilotDirs) -> None:
         try:
             for attempt in range(ATTEMPTS):
@@ -267,8 +271,19 @@ class FleetFlight:
             yield f"{self.path}: goes on"
             return
         yield f"{self.path}: {self._told()}"
-        if self._summary is not None:
-            yield from (f"  {line}" for line in expectation_lines(self._summary) if not line.startswith("ok"))
+        yield from (f"  {line}" for line in self._unmet())
+
+    def properties(self) -> Iterator[tuple[str, str]]:
+        """Likewise by names, for reports that programs read."""
+        yield "lostlink_run", str(self.path)
+        if self.is_over:
+            yield "lostlink_ending", self._told()
+            yield from (("lostlink_expectation", line) for line in self._unmet())
+
+    def _unmet(self) -> list[str]:
+        """The expectations that were not met, with what was found."""
+        lines = [] if self._summary is None else expectation_lines(self._summary)
+        return [line for line in lines if not line.startswith("ok")]
 
     def _ended(self, wanted_s: float) -> str:
         before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
@@ -292,6 +307,9 @@ class Flights:
         self._directory, self._dirs = directory, dirs
         self._flights: list[FleetFlight] = []
         self._is_stopped = False
+
+    def __repr__(self) -> str:
+        return f"<Flights: {len(self._flights)} so far>"
 
     async def __call__(
         self,
@@ -360,6 +378,11 @@ class Flights:
         """Of each flight, in their order, as `FleetFlight.lines` has it."""
         for flight in self._flights:
             yield from flight.lines()
+
+    def properties(self) -> Iterator[tuple[str, str]]:
+        """Of each flight, in their order, as `FleetFlight.properties` has it."""
+        for flight in self._flights:
+            yield from flight.properties()
 
     def stop(self) -> None:
         """End all that still fly, and what is only being started."""
