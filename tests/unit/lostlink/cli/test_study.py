@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -194,3 +196,35 @@ def test_each_case_of_a_study_has_the_folder_of_px4_in_its_own_process(tmp_path:
     result = read_result(directory)
     assert result is not None
     assert f"{tmp_path}/bin/px4" in result["failure"]
+
+
+@pytest.fixture
+def to_fly(tmp_path: Path) -> Path:
+    """A study of one run."""
+    file = tmp_path / "study.yaml"
+    file.write_text("schema: 1\nname: mine\nscenario: separation\nseeds: [1]\n", encoding="utf-8")
+    return file
+
+
+def test_a_scheduler_that_does_not_answer_is_waited_for_aloud(
+    to_fly: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("lostlink.study.lanes.DASK_PATIENCE_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        done = run(to_fly, "--scheduler", address)
+    assert done.exit_code == 2
+    assert done.stdout.splitlines()[-1] == f"joins the Dask scheduler at {address}, within 10 s"
+    assert done.stderr == f"lostlink: no Dask scheduler answers at {address}: not within 0.2 s\n"
+
+
+def test_an_address_that_is_none_is_refused_at_once(to_fly: Path) -> None:
+    pytest.importorskip("distributed")
+    before_s = time.monotonic()
+    done = run(to_fly, "--scheduler", "tcp://127.0.0.1")
+    assert time.monotonic() - before_s < 10.0
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "lostlink: no Dask scheduler answers at tcp://127.0.0.1: missing port number in address '127.0.0.1'\n"
+    )
