@@ -211,8 +211,8 @@ class Fleet:
             self._report.may_not_repeat(
                 f"{what} at {self.course.sim_time_ns / 1e9:.2f} s, before the run ended"
             )
-        tail = child.log_tail()
-        self._settle(FleetError(f"{text}\n{tail}" if tail else text))
+        words = "" if why else child.last_words()
+        self._settle(FleetError(f"{text}\n{words}" if words else text))
 
     def _settle(self, outcome: Ending | FleetError) -> None:
         if self._outcome.done():
@@ -252,7 +252,7 @@ class Fleet:
                 raise FleetError(
                     f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s{self._agents_at_work()}; a run whose "
                     f"ticks take longer needs fdm.stall_timeout_s above {patience_s / 2:g}, half of what it waits"
-                    f"\n{self._crew.tails()}"
+                    f"{self._crew.tails()}"
                 )
 
     def _agents_at_work(self) -> str:

@@ -9,6 +9,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib import metadata
@@ -40,6 +41,8 @@ CPU_FLAGS: Final = (
 NONE: Final[Mapping[str, str]] = MappingProxyType({})
 UNKNOWN: Final = "(unknown)"
 GIT_TIMEOUT_S: Final = 10.0
+DIRTY: Final = "-dirty"
+COMMIT_SHOWN: Final = 12
 _ROOT: Final = Path(__file__).resolve().parents[2]
 
 
@@ -179,6 +182,35 @@ def read_provenance(run: Path) -> Provenance | None:
         return _from_plain(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"{path}: not a description of what made a record: {error}") from error
+
+
+@contextmanager
+def version_noted(*runs: Path) -> Iterator[None]:
+    """Of a ValueError meanwhile that another version has made the records in ``runs``, if so, as notes of the error."""
+    try:
+        yield
+    except ValueError as error:
+        for note in filter(None, map(_other_version, runs)):
+            if note not in getattr(error, "__notes__", ()):
+                error.add_note(note)
+        raise
+
+
+def _other_version(run: Path) -> str:
+    """Which version made a record, in words; "" if it is this one, or not known."""
+    try:
+        made = read_provenance(run)
+    except (OSError, ValueError):
+        return ""
+    ours = Provenance(version_of("lostlink"), _git_commit(_ROOT))
+    if made is None or (made.lostlink, made.git_commit) == (ours.lostlink, ours.git_commit):
+        return ""
+    return f"{run}: another version has made this record: {_version(made)}; this is {_version(ours)}"
+
+
+def _version(of: Provenance) -> str:
+    commit = f", commit {of.git_commit[:COMMIT_SHOWN]}" if of.git_commit else ""
+    return f"lostlink {of.lostlink or UNKNOWN}{commit}{' with changes' * (DIRTY in of.git_commit)}"
 
 
 def _from_plain(content: Any) -> Provenance:

@@ -22,6 +22,6 @@ def fail(text: object, status: int = UNUSABLE) -> NoReturn:
 
 
 def tell(text: object) -> None:
-    """Say something on stderr, each line with the command's name."""
-    for line in str(text).splitlines():
+    """Say something on stderr, of an error its notes, too, each line with the command's name."""
+    for line in "\n".join([str(text), *getattr(text, "__notes__", ())]).splitlines():
         say(f"lostlink: {line}", err=True)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.names import Kind, Stream, streams_of
+from bridge.record.provenance import version_noted
 from bridge.record.streams import Entry, read_stream
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.schema import Table
@@ -71,9 +72,14 @@ def examine(
     Raises:
         NotARun, StreamError, ValueError, OSError: as `compare`.
     """
+    work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
+    with version_noted(run_a, run_b):
+        return _examined(work, run_a, run_b)
+
+
+def _examined(work: _Work, run_a: Path, run_b: Path) -> Comparison:
     for run in (run_a, run_b):
         _check_run(run)
-    work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
     in_a, in_b = set(streams_of(run_a)), set(streams_of(run_b))
     parts: list[Stream | Table] = [TRUTH, *sorted(in_a | in_b, key=_order), *TABLES[1:]]
     for each in parts:

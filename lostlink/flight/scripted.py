@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -149,12 +149,13 @@ def _in_a_thread(flight: Flight, dirs: AutopilotDirs) -> dict[str, Any]:
         except BaseException as error:
             outcome.set_exception(error)
 
-    thread = threading.Thread(target=work, name=f"fly {flight.directory.path.name}")
-    thread.start()
+    threading.Thread(target=work, name=f"fly {flight.directory.path.name}").start()
     try:
         return outcome.result()
     except BaseException:
         flight.interrupt()
         raise
     finally:
-        thread.join()
+        wait(
+            [outcome]
+        )  # an interrupted `Thread.join` would take the thread for ended, and Python not wait for it

@@ -23,6 +23,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
     groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
     yield from _section(f"Groups of addressees ({len(groups)})", groups)
+    yield from _section("Radio outages", [each.line() for each in plan.outages])
     processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
     yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))

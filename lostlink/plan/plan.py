@@ -26,6 +26,7 @@ from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import OfferedLoad, offered_load, without_messages
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
+from lostlink.plan.outages import OutagePlan, outages_of
 from lostlink.plan.reach import Reach, reach_of
 from lostlink.plan.start_positions import start_ned_m
 from lostlink.plan.unheard import unheard
@@ -80,6 +81,7 @@ class RunPlan:
         scenario, description, seed, autopilot, speed, duration_s, tick_rate_hz, wind: as in the scenario.
         nodes: all of them.
         groups: the members of each group of addressees.
+        outages: when which of their radios are off.
         joined: how its parts are joined, in words.
         processes: by name, the nodes that each has to do with; none named: all of them.
         ports: that the run listens on.
@@ -103,6 +105,7 @@ class RunPlan:
     wind: str | dict[str, Any]
     nodes: tuple[NodePlan, ...]
     groups: dict[str, tuple[str, ...]]
+    outages: tuple[OutagePlan, ...]
     joined: str
     processes: dict[str, tuple[str, ...]]
     ports: tuple[str, ...]
@@ -137,6 +140,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         scenario.wind,
         tuple(_node(node, radios) for node in scenario.nodes),
         scenario.groups_on(MAIN),
+        outages_of(scenario),
         in_words(scenario),
         _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 from bridge.record.digests import digest_if_readable
-from bridge.record.provenance import read_provenance
+from bridge.record.provenance import read_provenance, version_noted
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 
@@ -105,7 +105,8 @@ def scenario_of(run: Path) -> Scenario:
     Raises:
         OSError, ValueError: it is not there or not ours.
     """
-    return RunDirectory(run).scenario_with(Moved(run).find)
+    with version_noted(run):
+        return RunDirectory(run).scenario_with(Moved(run).find)
 
 
 def _moved_along(path: Path, folders: Mapping[Path, Path]) -> Path:

@@ -17,7 +17,7 @@ from bridge.record.input_fields import to_fields
 from bridge.record.inputs import RecordedInput, all_inputs
 from bridge.record.logged import LoggedValue, logged_of
 from bridge.record.packets import SentPacket, packets_of
-from bridge.record.provenance import Provenance, read_provenance
+from bridge.record.provenance import Provenance, read_provenance, version_noted
 from bridge.record.streams import Entry, entries_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
@@ -52,7 +52,8 @@ class NoRun(ValueError):
 def load_run(run: str | Path) -> Run:
     """The run in the directory ``run`` (or in ``runs/`` below here, if ``run`` is a name there).
 
-    Nothing but its scenario is looked for before it is asked for.
+    Nothing but its scenario is looked for before it is asked for. An error in reading a record that another version
+    of lostlink has made has a note that says so.
 
     Raises:
         NoRun: it is no run.
@@ -128,7 +129,8 @@ class Run:
     @cached_property
     def reports(self) -> Reports:
         """Counters, events, and why the run may not repeat, of all its processes."""
-        return read_reports(self.path)
+        with version_noted(self.path):
+            return read_reports(self.path)
 
     @cached_property
     def provenance(self) -> Provenance | None:
@@ -266,11 +268,15 @@ class Run:
             ValueError: there is no such table or column, or it is damaged.
             OSError: it cannot be read.
         """
-        return read_columns(self.path, _table(table), columns)
+        chosen = _table(table)
+        with version_noted(self.path):
+            return read_columns(self.path, chosen, columns)
 
     def table(self, table: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table as Arrow; arguments and errors as of `columns`."""
-        return read_arrow(self.path, _table(table), columns)
+        chosen = _table(table)
+        with version_noted(self.path):
+            return read_arrow(self.path, chosen, columns)
 
     def transmitted(self, node: str) -> Iterator[SentPacket]:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.

@@ -13,7 +13,7 @@ from bridge.record.events import read_reports, transmits_freely
 from bridge.record.inputs import all_inputs
 from bridge.record.names import packets, streams_of
 from bridge.record.packets import packets_of
-from bridge.record.provenance import differences, read_provenance
+from bridge.record.provenance import differences, read_provenance, version_noted
 from bridge.record.streams import read_stream, stream_exists
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
@@ -128,20 +128,27 @@ def plan(run: Path, changes: Mapping[str, Any], code: Path | None = None) -> Ref
         raise ValueError(f"{run}: not the directory of a run: it has no {SCENARIO_FILE}")
     if RunDirectory(run).is_live:
         raise ValueError(f"{run}: this run has not ended yet")
-    has_streams = bool(streams_of(run))
-    if not has_streams and not DELIVERIES.is_in(run):
-        raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
     moved = Moved(run, code)
-    scenario = with_changes(_recorded_scenario(run, moved), changes)
-    check_ways(scenario, all_inputs(run))
-    extent = extent_of(run)
-    _check_tables(run)
-    _check_streams(run, extent)
+    with version_noted(run):
+        has_streams, scenario, extent = _read(run, moved, changes)
     remarks = _why_not(run, scenario)
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
     remarks += [f"note: files that were in {old} are taken from {new}" for old, new in moved.folders.items()]
     return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run), moved)
+
+
+def _read(run: Path, moved: Moved, changes: Mapping[str, Any]) -> tuple[bool, Scenario, Extent]:
+    """Read all that will be needed of a record: whether it has streams, its scenario with changes, how far it goes."""
+    has_streams = bool(streams_of(run))
+    if not has_streams and not DELIVERIES.is_in(run):
+        raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
+    scenario = with_changes(_recorded_scenario(run, moved), changes)
+    check_ways(scenario, all_inputs(run))
+    extent = extent_of(run)
+    _check_tables(run)
+    _check_streams(run, extent)
+    return has_streams, scenario, extent
 
 
 def _why_not(run: Path, scenario: Scenario) -> list[str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bridge.radio.picture import LINK_PERIOD_NS
 from bridge.record.events import RunEvent, read_reports
+from bridge.record.provenance import version_noted
 from bridge.record.radio_switches import switches_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
@@ -43,19 +44,22 @@ class TickedRecord:
 
     def __init__(self, run: Path) -> None:
         self.run = run
-        self.scenario = scenario_of(run)
-        self.nodes = self.scenario.transceiver_ids
-        if not TRUTH.is_in(run):
-            raise ValueError(
-                f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
-            )
-        self.truth = TrueStates.read(run, self.scenario.stations)
-        self.ticks_ns = self.truth.ticks_ns
-        if not self.ticks_ns.size:
-            raise ValueError(f"{run}: nothing to play: the run ended before its first tick was written down")
-        self.networks = self.scenario.network_names
-        self.decisions = _decisions(run, self.nodes, self.networks)
-        self.radios = switches_of(self.scenario, run)
+        with version_noted(run):
+            self.scenario = scenario_of(run)
+            self.nodes = self.scenario.transceiver_ids
+            if not TRUTH.is_in(run):
+                raise ValueError(
+                    f"{run}: nothing to play: it has no {TRUTH.parquet_path(run).name}, nor a journal of it"
+                )
+            self.truth = TrueStates.read(run, self.scenario.stations)
+            self.ticks_ns = self.truth.ticks_ns
+            if not self.ticks_ns.size:
+                raise ValueError(
+                    f"{run}: nothing to play: the run ended before its first tick was written down"
+                )
+            self.networks = self.scenario.network_names
+            self.decisions = _decisions(run, self.nodes, self.networks)
+            self.radios = switches_of(self.scenario, run)
 
     @cached_property
     def rows_until(self) -> NDArray[np.intp]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import sys
 import threading
@@ -14,6 +15,9 @@ from typing import Any, Protocol, Self
 from bridge.fleet.children.child import start_process
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.study.model import StudyError
+
+DASK_PATIENCE_S = 10
+"""A scheduler has so long to answer, wall time; Dask tries again also where nobody listens, for it may only begin."""
 
 
 class Lanes(Protocol):
@@ -135,9 +139,11 @@ class DaskLanes:
         except ImportError as error:
             raise StudyError("--scheduler needs Dask: pip install 'lostlink[dask]'") from error
         try:
+            asyncio.run(_meet(scheduler))
             self._client: Any = Client(scheduler, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
-            raise StudyError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+        except (OSError, ValueError) as error:
+            why = f"not within {DASK_PATIENCE_S} s" if isinstance(error, TimeoutError) else str(error)
+            raise StudyError(f"no Dask scheduler answers at {scheduler}: {why}") from error
 
     def __enter__(self) -> Self:
         return self
@@ -158,6 +164,20 @@ class DaskLanes:
             remote.add_done_callback(_passing_to(local))
             futures[local] = case
         return _as_completed(futures)
+
+
+async def _meet(scheduler: str) -> None:
+    """See that a scheduler answers: a client waits for ever where somebody listens and says nothing.
+
+    Raises:
+        TimeoutError, OSError, ValueError: it does not, or it is no address.
+    """
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    async with asyncio.timeout(DASK_PATIENCE_S):
+        comm = await connect(scheduler, **Security().get_connection_args("client"))
+        await comm.close()
 
 
 _here: dict[str, _Flights] = {}

@@ -103,8 +103,13 @@ class FleetFlight:
         self._is_stopped = False
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}")
-        self._thread.start()
+        self._over = threading.Event()
+        """What is waited for: an interrupted `Thread.join` may take the thread for ended."""
+        threading.Thread(target=self._fly, args=(dirs,), name=f"fly {self.path.name}").start()
+
+    def __repr__(self) -> str:
+        """Short enough for what an assertion shows of it."""
+        return f"<FleetFlight {self.path.name}: {self._told() if self.is_over else 'goes on'}>"
 
     def _fly(self, dirs: AutopilotDirs) -> None:
         try:
@@ -117,6 +122,8 @@ class FleetFlight:
                     return
         except BaseException as error:
             self._error = error
+        finally:
+            self._over.set()
 
     def _move(self) -> None:
         """Be elsewhere, in place of a flight that could not start."""
@@ -142,7 +149,7 @@ class FleetFlight:
     @property
     def is_over(self) -> bool:
         """Whether it has ended, and its record is complete."""
-        return not self._thread.is_alive()
+        return self._over.is_set()
 
     def recorded_s(self) -> float:
         """Sim time up to which there is a whole record, s; below 0 before the first tick.
@@ -236,7 +243,7 @@ class FleetFlight:
 
     async def end(self) -> RunResult:
         """Wait for its end; gives what came of it."""
-        await asyncio.to_thread(self._thread.join)
+        await asyncio.to_thread(self._over.wait)
         return self.result()
 
     def result(self) -> RunResult:
@@ -245,7 +252,7 @@ class FleetFlight:
         Raises:
             OSError, ValueError: its record could not be written.
         """
-        self._thread.join()
+        self._over.wait()
         self.end_s = math.inf
         if self._error is not None:
             raise self._error
@@ -256,7 +263,7 @@ class FleetFlight:
         """End it now, in order, and wait for that."""
         self._is_stopped = True
         self._flight.interrupt()
-        self._thread.join()
+        self._over.wait()
 
     def lines(self) -> Iterator[str]:
         """Where its record is, how it ended and which expectations were not met, for people."""
@@ -264,8 +271,19 @@ class FleetFlight:
             yield f"{self.path}: goes on"
             return
         yield f"{self.path}: {self._told()}"
-        if self._summary is not None:
-            yield from (f"  {line}" for line in expectation_lines(self._summary) if not line.startswith("ok"))
+        yield from (f"  {line}" for line in self._unmet())
+
+    def properties(self) -> Iterator[tuple[str, str]]:
+        """Likewise by names, for reports that programs read."""
+        yield "lostlink_run", str(self.path)
+        if self.is_over:
+            yield "lostlink_ending", self._told()
+            yield from (("lostlink_expectation", line) for line in self._unmet())
+
+    def _unmet(self) -> list[str]:
+        """The expectations that were not met, with what was found."""
+        lines = [] if self._summary is None else expectation_lines(self._summary)
+        return [line for line in lines if not line.startswith("ok")]
 
     def _ended(self, wanted_s: float) -> str:
         before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
@@ -288,6 +306,10 @@ class Flights:
     def __init__(self, directory: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
         self._directory, self._dirs = directory, dirs
         self._flights: list[FleetFlight] = []
+        self._is_stopped = False
+
+    def __repr__(self) -> str:
+        return f"<Flights: {len(self._flights)} so far>"
 
     async def __call__(
         self,
@@ -340,6 +362,8 @@ class Flights:
         resolved = read_like(scenario, {"figure": False} | asked)
         flight = FleetFlight(partial(self._placed, resolved), self._dirs)
         self._flights.append(flight)
+        if self._is_stopped:  # by whoever did not wait until it was in the air
+            flight.stop()
         return flight
 
     def _placed(self, scenario: Scenario) -> tuple[Flight, ExitStack]:
@@ -355,7 +379,13 @@ class Flights:
         for flight in self._flights:
             yield from flight.lines()
 
+    def properties(self) -> Iterator[tuple[str, str]]:
+        """Of each flight, in their order, as `FleetFlight.properties` has it."""
+        for flight in self._flights:
+            yield from flight.properties()
+
     def stop(self) -> None:
-        """End all that still fly."""
+        """End all that still fly, and what is only being started."""
+        self._is_stopped = True
         for flight in self._flights:
             flight.stop()

@@ -28,7 +28,7 @@ class Came(NamedTuple):
     data: bytes
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False)
 class End:
     """One end of a scripted link.
 
@@ -38,6 +38,10 @@ class End:
 
     came: list[Came] = field(default_factory=list)
     _said: list[tuple[int, bytes]] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        """Short enough for what an assertion shows of it."""
+        return f"<End: {len(self.came)} frames came, {len(self.data)} bytes>"
 
     def send(self, data: bytes, at_s: float) -> None:
         """Have this end's host send bytes at an instant of the link's time, in s."""
@@ -66,6 +70,9 @@ class ScriptedLink:
     def __init__(self, link: RadioLink) -> None:
         self._link = link
         self.gcs, self.autopilot = End(), End()
+
+    def __repr__(self) -> str:
+        return f"<ScriptedLink: gcs {self.gcs}, autopilot {self.autopilot}>"
 
     def run(self, until_s: float) -> None:
         """Let the link live up to an instant, with all that was said for it.
@@ -99,7 +106,7 @@ class OpenLink:
 
     gcs: str
     autopilot: str
-    live: LiveLink
+    live: LiveLink = field(repr=False)
 
     def summary(self) -> dict[str, Any]:
         """What was counted, as ``lostlink modem --json`` has it."""

@@ -48,10 +48,14 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flights]:
 
 
 @pytest.hookimpl(hookwrapper=True)  # pytest 7 has no wrapper=True
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pluggy.Result[pytest.TestReport], None]:
-    """Tells of the flights of a test that failed."""
-    report = (yield).get_result()
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pluggy.Result[pytest.TestReport], None]:
+    """Tells of the flights of a test that failed; once they have ended, of all in the properties that JUnit XML has."""
     flights = item.stash.get(FLIGHTS, None)
+    if call.when == "teardown" and flights is not None:
+        item.user_properties += flights.properties()
+    report = (yield).get_result()
     if report.failed and flights is not None:
         report.sections.append(("flights", "\n".join(flights.lines())))
 

@@ -6,6 +6,7 @@ So an answer does not depend on how fast the machine is or when it was asked: th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -96,6 +97,16 @@ class RecordedNode:
         if node not in run.nodes:
             raise ValueError(f"no node {node!r}; there are {', '.join(run.nodes)}")
         self._run, self.node, self._extent = run, node, extent or Whole()
+
+    def __repr__(self) -> str:
+        """What an assertion shows of it: where it is, as far as the test has waited; it waits for nothing itself."""
+        with suppress(OSError, ValueError):
+            times_s, places = self._track(self._run.columns("truth", _TRACK))
+            if row := int(np.sum(times_s <= self._extent.end_s)):
+                north_m, east_m, down_m = places[row - 1] + 0.0
+                place = f"{north_m:.1f} m N, {east_m:.1f} m E, {-down_m:.1f} m up"
+                return f"<{type(self).__name__} {self.node}: {place} at {times_s[row - 1]:.2f} s>"
+        return f"<{type(self).__name__} {self.node}>"
 
     def track(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """True positions: sim times in s, shape (n,), and north, east, down in m, shape (n, 3).
@@ -195,6 +206,30 @@ class RecordedLink:
                 raise ValueError(f"no node {node!r}; there are {', '.join(run.nodes)}")
         self._run, self.tx, self.rx, self._extent = run, tx, rx, extent or Whole()
 
+    def __repr__(self) -> str:
+        """What an assertion shows of it: counts by network, as far as the test has waited; it waits for nothing."""
+        with suppress(OSError, ValueError):
+            rows = self._run.columns("deliveries")
+            ours = self._ours(rows) & (rows["sim_time_ns"] / NS_PER_S < self._extent.end_s)
+            told = [self._counts(network, rows, ours) for network in self._networks(rows, ours)]
+            return f"<RecordedLink {self.tx} -> {self.rx}: {'; '.join(told) or 'nothing sent'}>"
+        return f"<RecordedLink {self.tx} -> {self.rx}>"
+
+    @staticmethod
+    def _networks(rows: Columns, ours: NDArray[np.bool_]) -> list[str]:
+        return list(dict.fromkeys(rows["radio"][ours].tolist()))
+
+    @staticmethod
+    def _counts(network: str, rows: Columns, ours: NDArray[np.bool_]) -> str:
+        on_it = ours & (rows["radio"] == network)
+        delivered = on_it & (rows["fate"] == "delivered")
+        return f"{network} {rows['packets'][delivered].sum()} of {rows['packets'][on_it].sum()} delivered"
+
+    def _ours(self, rows: Columns) -> NDArray[np.bool_]:
+        """Which rows are of this link; those for everybody are."""
+        found: NDArray[np.bool_] = (rows["tx"] == self.tx) & ((rows["rx"] == self.rx) | (rows["rx"] == ALL))
+        return found
+
     def packets(
         self, *, from_s: float = 0.0, to_s: float = np.inf, min_m: float = 0.0, max_m: float = np.inf
     ) -> dict[str, NDArray[Any]]:
@@ -216,7 +251,7 @@ class RecordedLink:
         if ended:
             raise AssertionError(ended)
         rows = self._extent.columns(self._run, "deliveries")
-        ours = (rows["tx"] == self.tx) & ((rows["rx"] == self.rx) | (rows["rx"] == ALL))
+        ours = self._ours(rows)
         sent_s = rows["sim_time_ns"] / NS_PER_S
         ours &= (sent_s >= from_s) & (sent_s < to_s)
         if min_m > 0.0 or max_m < np.inf:

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO, Protocol
 
 from bridge.fleet.children.environment import environment_of
+from bridge.fleet.children.last_words import last_words
 
 LEASH = Path(__file__).with_name("leash.py")
 LAST_WORDS = " ERROR lostlink: "
@@ -153,7 +154,7 @@ class Child:
     @property
     def why_it_ended(self) -> str:
         """What a process of ours that cannot go on said last (`exit_status`); "" if it said nothing."""
-        return self.log_tail(1).partition(LAST_WORDS)[2]
+        return "".join(self._log_end().rstrip().splitlines()[-1:]).partition(LAST_WORDS)[2]
 
     def ask_to_end(self) -> None:
         """Send its stop signal."""
@@ -171,15 +172,18 @@ class Child:
             with suppress(psutil.Error):
                 process.kill()
 
-    def log_tail(self, lines: int = 5) -> str:
-        """The last lines of its log, which may be of any size; "" if somebody has removed it."""
+    def last_words(self, lines: int = 5) -> str:
+        """What the end of its log says went wrong; "" if it says nothing, or somebody has removed it."""
+        return last_words(self._log_end(), lines)
+
+    def _log_end(self) -> str:
+        """The end of its log, which may be of any size; "" if somebody has removed it."""
         try:
             with self.spec.log_path.open("rb") as log:
                 log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL_BYTES))
-                text = log.read().decode(errors="replace")
+                return log.read().decode(errors="replace")
         except OSError:
             return ""
-        return "\n".join(text.rstrip().splitlines()[-lines:])
 
 
 def on_a_leash(command: Sequence[str]) -> list[str]:

@@ -51,6 +51,8 @@ class Crew:
         return child
 
     def tails(self) -> str:
-        """The last line of each log that may say why time stands still."""
+        """What each log says that may say why time stands still, a line each."""
         told = [child for child in self.children if child.spec.name.startswith(TALKERS)]
-        return "\n".join(f"{child.spec.log_path}: {child.log_tail(1)}" for child in told)
+        return "".join(
+            f"\n{child.spec.log_path}: {words}" for child in told if (words := child.last_words(1))
+        )

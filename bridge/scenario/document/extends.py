@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from bridge.scenario.document.files import file_seen_from
-from bridge.scenario.document.merge import merged, same_id
-from bridge.scenario.document.written import Written, plain
+from bridge.scenario.document.merge import is_of_one, merged, same_id
+from bridge.scenario.document.written import OfOne, Written, plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.near import near_miss
@@ -102,6 +103,11 @@ def _left_of(base: Written, without: Written | None) -> Written:
         raise ScenarioError(f"{without.place}: {WITHOUT}: has to be a list of ids of nodes, as [1, gcs]")
     kept = nodes.items()
     for item in without.items():
+        groups = [place for place, node in enumerate(kept) if is_of_one(node, item)]
+        if groups:
+            group = kept[groups[0]]
+            kept[groups[0]] = replace(group, of_one=(*group.of_one, OfOne(item, None)))
+            continue
         left = [node for node in kept if not same_id(node, item.content)]
         if len(left) == len(kept):
             raise ScenarioError(

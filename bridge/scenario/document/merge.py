@@ -1,13 +1,15 @@
 """One scenario laid over another: mappings key by key, nodes by id, anything else in place of what was there.
 
-Null takes a key away that is below; where nothing is, it is a value like others.
+What is said of a single node of a group waits until the group is expanded, as what `--set` says does. Null takes a key
+away that is below; where nothing is, it is a value like others.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from bridge.scenario.document.written import Path_, Written
+from bridge.scenario.document.written import OfOne, Path_, Written
+from bridge.scenario.expand.group_ids import ids_of, is_of_all
 
 NULL_IS_A_VALUE = frozenset({"earth_radius_factor"})
 """Keys of a radio that mean something by null (a flat Earth); at any other it is the same as no key at all."""
@@ -35,7 +37,7 @@ def merged(base: Written, over: Written, path: Path_ = ()) -> Written:
             parts.pop(key, None)
         else:
             parts[key] = merged(parts[key], part, (*path, key)) if key in parts else part
-    return replace(over, content=parts)
+    return replace(over, content=parts, of_one=base.of_one)
 
 
 def removes(base: Written, key: str, part: Written) -> bool:
@@ -89,11 +91,25 @@ def _nodes(base: Written, over: Written) -> Written:
     nodes = base.items()
     for node in over.items():
         node_id = node.get("id")
-        place = next(
-            (k for k, old in enumerate(nodes) if node_id is not None and same_id(old, node_id.content)), None
-        )
-        if place is None:
+        place = None if node_id is None else _place(nodes, node, node_id)
+        if node_id is None or place is None:
             nodes.append(node)
+        elif is_of_one(nodes[place], node_id) and not is_of_all(node):
+            of_one = (*nodes[place].of_one, OfOne(node_id, node))
+            nodes[place] = replace(nodes[place], of_one=of_one)
         else:
             nodes[place] = merged(nodes[place], node, ("nodes", place))
     return replace(over, content=nodes)
+
+
+def _place(nodes: list[Written], node: Written, node_id: Written) -> int | None:
+    """Which of the nodes below is meant, or the group of it."""
+    for place, below in enumerate(nodes):
+        if same_id(below, node_id.content) or (is_of_one(below, node_id) and not is_of_all(node)):
+            return place
+    return None
+
+
+def is_of_one(group: Written, node_id: Written) -> bool:
+    """Whether an id is that of a single node of a group."""
+    return str(node_id.content) in ids_of(group)

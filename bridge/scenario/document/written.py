@@ -30,6 +30,19 @@ class WrittenPlace:
 
 
 @dataclass(frozen=True, slots=True)
+class OfOne:
+    """What is said of one node of a group.
+
+    Attributes:
+        node_id: its id.
+        entry: what is laid over it; None: it is left out.
+    """
+
+    node_id: Written
+    entry: Written | None
+
+
+@dataclass(frozen=True, slots=True)
 class Written:
     """A value with its place: a mapping, a list, or what YAML makes of a single word.
 
@@ -37,11 +50,13 @@ class Written:
         content: parts by key, a list of parts, or the value.
         place: of the key or list item that it stands at.
         end: where more keys could be added, if that is elsewhere.
+        of_one: of a group of nodes: what files that extend its own say of single ones of it, in their order.
     """
 
     content: Any
     place: WrittenPlace
     end: WrittenPlace | None = None
+    of_one: tuple[OfOne, ...] = ()
 
     @property
     def is_mapping(self) -> bool:

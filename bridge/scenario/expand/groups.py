@@ -6,44 +6,59 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NoReturn, TypeGuard
+from typing import Any, NoReturn
 
 from pydantic import ValidationError
 
-from bridge.scenario.document.merge import kind_of
-from bridge.scenario.document.written import Path_, Written, plain
+from bridge.scenario.document.merge import kind_of, merged, same_id
+from bridge.scenario.document.written import OfOne, Path_, Written, plain
+from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES, is_count, is_whole
 from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained, shown
 from bridge.scenario.mistakes.near import near_miss
 
-COUNT, EACH = "count", "each"
-COUNT_MAX = 1000
+EACH = "each"
 AXES = ("north_m", "east_m", "height_m", "heading_deg")
-PLACES = {"ua": "home", "ground": "place", "emitter": "place"}
-"""What is placed, by kind of node."""
 
 
 def with_groups_expanded(root: Written) -> Written:
     """The scenario with each group as so many nodes.
 
     Raises:
-        ScenarioError: a count, pattern or value by index is wrong.
+        ScenarioError: a count, pattern or value by index is wrong, or a group has no node that something is said of.
     """
     nodes = root.get("nodes")
     if nodes is None:
         return root
     _refuse_patterns_of_one(root, nodes)
-    if not any(node.get(COUNT) for node in nodes.items()):
+    if not any(node.get(COUNT) or node.of_one for node in nodes.items()):
         return root
     seed = root.get("seed")
     number = seed.content if seed is not None and isinstance(seed.content, int) else 1
     expanded: list[Written] = []
     for index, node in enumerate(nodes.items()):
-        group = _Group(root, node, ("nodes", index), number)
-        expanded += group.nodes() if node.get(COUNT) else [node]
+        path = ("nodes", index)
+        group = list(_Group(root, node, path, number).nodes()) if node.get(COUNT) else [node]
+        for of_one in node.of_one:
+            group = _changed(group, of_one, path)
+        expanded += group
     return root.having("nodes", replace(nodes, content=expanded))
+
+
+def _changed(group: list[Written], of_one: OfOne, path: Path_) -> list[Written]:
+    """The nodes of a group with what is said of one of them."""
+    node_id, entry = of_one.node_id, of_one.entry
+    place = next((k for k, node in enumerate(group) if same_id(node, node_id.content)), None)
+    if place is None:
+        ids = ", ".join(str(node.content["id"].content) for node in group)
+        raise ScenarioError(
+            f"{node_id.place}: nodes.{node_id.content}: its group, whose count was changed, has no such node any more; "
+            f"it has: {ids or 'none'}"
+        )
+    laid = [] if entry is None else [merged(group[place], entry, path)]
+    return [*group[:place], *laid, *group[place + 1 :]]
 
 
 def _refuse_patterns_of_one(root: Written, nodes: Written) -> None:
@@ -118,13 +133,13 @@ class _Group:
     def _count(self) -> int:
         count = self._node.content[COUNT]
         value = count.content
-        if not _is_whole(value) or not 0 <= value <= COUNT_MAX:
+        if not is_count(value):
             self._refuse(
                 count,
                 (COUNT,),
                 f"has to be a number of nodes from 0 to {COUNT_MAX} (got {shown(plain(count))})",
             )
-        return int(value)
+        return value
 
     def _refuse_wrong_id(self) -> None:
         node_id = self._node.get("id")
@@ -132,7 +147,7 @@ class _Group:
             self._refuse(
                 self._node, ("id",), "is required, and missing: that of the first node, the others count up"
             )
-        elif not _is_whole(node_id.content) and not (
+        elif not is_whole(node_id.content) and not (
             isinstance(node_id.content, str) and "{" in node_id.content
         ):
             text = (
@@ -144,7 +159,7 @@ class _Group:
         """That of a node of the group: a number counts up, a text has the index in it already."""
         first: Written = self._node.content["id"]
         return (
-            replace(first, content=first.content + index) if _is_whole(first.content) else node.content["id"]
+            replace(first, content=first.content + index) if is_whole(first.content) else node.content["id"]
         )
 
     def _filled(self, part: Written, path: Path_, names: Mapping[str, int]) -> Written:
@@ -229,8 +244,4 @@ def _number(place: Written, key: str) -> Any:
 
 def _is_number(value: object) -> bool:
     """Whether a pattern can move it; a whole number beyond all floats is left for the model to refuse."""
-    return isinstance(value, float) or (_is_whole(value) and abs(value) <= sys.float_info.max)
-
-
-def _is_whole(value: object) -> TypeGuard[int]:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, float) or (is_whole(value) and abs(value) <= sys.float_info.max)

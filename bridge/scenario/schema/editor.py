@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from pydantic import BaseModel
 
 from bridge.scenario.document.extends import EXTENDS, WITHOUT, scenario_names
-from bridge.scenario.expand.groups import COUNT, COUNT_MAX, EACH, PLACES
+from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES
+from bridge.scenario.expand.groups import EACH
 from bridge.scenario.expand.patterns import PATTERNS
 from bridge.scenario.model import Scenario
 from bridge.scenario.schema.transform import (

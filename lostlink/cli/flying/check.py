@@ -24,9 +24,9 @@ from lostlink.plan.plan import plan_of
 def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: bool) -> None:
     """Check SCENARIO (a shipped scenario's name, or a YAML file) and print the plan of its run.
 
-    The plan has nodes, processes and how they are joined, ports, the radio with its range, the load that the agents
-    offer to it, and what the run does not model. Nothing is started. Ends with status 0 if the scenario is right, also
-    with warnings, 2 if not.
+    The plan has nodes, when radios are off, processes and how they are joined, ports, the radio with its range, the
+    load that the agents offer to it, and what the run does not model. Nothing is started. Ends with status 0 if the
+    scenario is right, also with warnings, 2 if not.
 
     \b
     Examples:

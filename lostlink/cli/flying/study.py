@@ -28,7 +28,7 @@ from lostlink.flight.console import plain_console
 from lostlink.flight.say import say
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
-from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
+from lostlink.study.lanes import DASK_PATIENCE_S, DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
 from lostlink.study.settings import ALWAYS, BySetting, by_setting
 from lostlink.study.study import NOT_FLOWN, Standing, Study
@@ -95,7 +95,7 @@ def study(
             return
         failed = 0
         if left:
-            with _lanes(lanes, scheduler) as where:
+            with _lanes(lanes, scheduler, console) as where:
                 failed = _show(ours.fly(where), console)
         failed += _tell_results(ours, console, as_json=as_json)
     except (StudyError, OSError) as error:
@@ -192,8 +192,9 @@ def _interrupt(number: int, _: Any) -> None:
     raise KeyboardInterrupt(number)
 
 
-def _lanes(lanes: int | None, scheduler: str | None) -> Lanes:
+def _lanes(lanes: int | None, scheduler: str | None, console: Console) -> Lanes:
     if scheduler is not None:
+        console.print(f"joins the Dask scheduler at {scheduler}, within {DASK_PATIENCE_S} s", soft_wrap=True)
         return DaskLanes(scheduler)
     return LocalLanes(lanes or min(8, core_count()))
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from bridge.record.provenance import version_noted
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.records.mcap_options import changed, mcap_options
@@ -55,13 +56,15 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
                 raise ValueError(
                     f"{run}: this run has not ended yet; --csv and --mcap write what there is so far"
                 )
-            finish_tables(run)
+            with version_noted(run):
+                finish_tables(run)
         folder.mkdir(parents=True, exist_ok=True)
-        if as_csv:
-            for path in export_csv(run, folder):
-                say(path)
-        if as_mcap:
-            say(_write_mcap(run, folder, mcap))
+        with version_noted(run):
+            if as_csv:
+                for path in export_csv(run, folder):
+                    say(path)
+            if as_mcap:
+                say(_write_mcap(run, folder, mcap))
     except OSError as error:
         is_clear = isinstance(error, BrokenPipeError) or error.filename is not None
         fail(error if is_clear else f"{folder}: {error}")  # a full disk has no name

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,6 +19,7 @@ from bridge.bus.session import Session, SessionError, checked_endpoint, open_cli
 from bridge.run.every import Every
 from bridge.run.process import on_stop_signal
 from bridge.timeouts import NEWS_PERIOD_S
+from lostlink.cli.exits import tell
 from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
@@ -91,12 +92,8 @@ def replay(
         with _session(player, out, named, zenoh_port, connect) as (session, keys, endpoint):
             _play(session, keys, endpoint, controls, loop=loop, quiet=quiet)
     except (OSError, ValueError, SessionError) as error:
-        _fail(str(error))
-
-
-def _fail(text: str) -> NoReturn:
-    say(f"lostlink: {text}", err=True)
-    sys.exit(EXIT_USAGE)
+        tell(error)
+        sys.exit(EXIT_USAGE)
 
 
 def _checked_name(name: str) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -60,7 +62,7 @@ FAILING = (
 def test_what_is_expected(fleet):
     near = {"type": "position", "node": 1, "north_m": 380, "east_m": 0, "within_m": 1}
     flight = fleet.fly(STILL, changes={"expectations": [near, near | {"north_m": 385}]})
-    assert flight.result().ok
+    assert flight.link(0, 1).delivery() > 2.0
 """
 )
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -109,10 +111,20 @@ def test_several_at_once_repeat_and_say_what_went_wrong(tmp_path):
 def test_a_test_that_fails_tells_where_its_flights_are_and_what_they_found(tmp_path):
     file = tmp_path / "test_failing.py"
     file.write_text(FAILING, encoding="utf-8")
-    done = run_pytest(file, "--basetemp", str(tmp_path / "base"))
+    junit = tmp_path / "junit.xml"
+    done = run_pytest(file, "--basetemp", str(tmp_path / "base"), f"--junit-xml={junit}")
     [run] = (tmp_path / "base").glob("*0/*-still")
     told = done.stdout.partition("- flights -")[2].splitlines()
     assert told[1].startswith(f"{run}: duration; fail: 1 of 2 expectations not met"), done.stdout[-3000:]
     near = "node 1 near 385 m N, 0 m E at the end"
     assert told[2].startswith(f"  FAILED: {near}: wanted within 1 m, found ")
     assert told[2].split()[-1] == "m"
+    assert re.search(r"= <RecordedLink 0 -> 1: main \d+ of \d+ delivered>\.delivery", done.stdout)
+    assert f"= <FleetFlight {run.name}: duration; fail: 1 of 2" in done.stdout
+    properties = [(each.get("name"), each.get("value")) for each in ElementTree.parse(junit).iter("property")]
+    told_by_name = [
+        ("lostlink_run", str(run)),
+        ("lostlink_ending", told[1].removeprefix(f"{run}: ")),
+        ("lostlink_expectation", told[2].strip()),
+    ]
+    assert properties == told_by_name

@@ -78,7 +78,7 @@ async def test_a_panic_of_the_real_arducopter_ends_it_and_is_what_its_log_ends_w
     finally:
         child.kill()
     assert child.how_it_ended == "ended with status 1"
-    assert "PANIC: Failed to load defaults" in child.log_tail()
+    assert "PANIC: Failed to load defaults" in child.last_words()
 
 
 def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> None:

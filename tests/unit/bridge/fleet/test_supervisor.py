@@ -103,6 +103,17 @@ async def test_a_process_that_died_is_an_event_and_a_reason(
     assert reports.may_not_repeat == ("host-0 ended with status 3 at 12.50 s, before the run ended",)
 
 
+async def test_of_a_process_that_is_killed_the_log_is_asked_for_what_went_wrong_alone(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = "2026-11-26 11:26:47,344 12.050s INFO host: MAVLink of UA 0 is up"
+    monkeypatch.setattr(
+        OneProcess, "script", f"import os; print({line!r}, flush=True); os.kill(os.getpid(), 9)"
+    )
+    with pytest.raises(FleetError, match=r"^host-0 was ended by SIGKILL; its log is .*host-0\.log$"):
+        await OneProcess(read_scenario("separation"), run, OBSERVER, how="many").fly()
+
+
 class WithoutLog(Fleet):
     """A fleet of one process that dies when its log has been removed."""
 

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
+from bridge.record.provenance import Provenance, write_provenance
 from bridge.scenario.file import ScenarioError
 from lostlink import load_run
 from lostlink.cli import main as command
@@ -69,6 +70,34 @@ def test_a_record_whose_scenario_is_none_is_told_with_file_and_line(
     assert "pydantic" not in done.output
     with pytest.raises(ScenarioError, match=re.escape(f"{file}{NO_SCENARIOS[content]}")):
         _ = load_run(file.parent).scenario
+
+
+NOTE = "another version has made this record: lostlink 0.0.9, commit 0123456789ab with changes; this is lostlink "
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["redecide", "replay", "report", "judge", "refly", "export --mcap", "compare --metrics", "compare"],
+)
+def test_of_a_record_of_another_version_that_cannot_be_read_that_is_told_once(
+    words: str, tmp_path: Path
+) -> None:
+    run = make_run(tmp_path / "run")
+    if words == "compare":  # it reads no scenario first
+        (run / "streams" / "truth").mkdir()
+        (run / "streams" / "truth" / "0.bin").write_bytes(b"")
+        words = f"compare {run}"
+    else:
+        (run / "scenario.yaml").write_text("schema: 1\nname: old\nua: [{id: 0}]\n")
+    done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
+    assert done.exit_code == 2, done.exception
+    assert "another version" not in done.output, "what made it is not known"
+    made = Provenance(lostlink="0.0.9", git_commit=f"{'0123456789abcdef':0<40}-dirty-00")
+    write_provenance(made, run)
+    done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
+    assert done.exit_code == 2, done.exception
+    assert done.output.splitlines()[-1].startswith(f"lostlink: {run}: {NOTE}")
+    assert done.output.count("another version") == 1
 
 
 def test_a_disk_that_is_too_full_for_a_summary_is_told_with_its_place_and_what_to_do(

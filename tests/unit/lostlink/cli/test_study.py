@@ -6,6 +6,8 @@ import io
 import json
 import os
 import signal
+import socket
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -236,3 +238,43 @@ def test_each_case_of_a_study_has_the_folder_of_px4_in_its_own_process(tmp_path:
     result = read_result(directory)
     assert result is not None
     assert f"{tmp_path}/bin/px4" in result["failure"]
+
+
+@pytest.fixture
+def to_fly(tmp_path: Path) -> Path:
+    """A study of one run."""
+    file = tmp_path / "study.yaml"
+    file.write_text("schema: 1\nname: mine\nscenario: separation\nseeds: [1]\n", encoding="utf-8")
+    return file
+
+
+def test_a_scheduler_that_does_not_answer_is_waited_for_aloud(
+    to_fly: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("lostlink.study.lanes.DASK_PATIENCE_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        done = run(to_fly, "--scheduler", address)
+    assert done.exit_code == 2
+    assert done.stdout.splitlines()[-1] == f"joins the Dask scheduler at {address}, within 10 s"
+    assert done.stderr == f"lostlink: no Dask scheduler answers at {address}: not within 0.2 s\n"
+
+
+def test_an_address_that_is_none_is_refused_at_once_and_leaves_nothing_to_end(to_fly: Path) -> None:
+    pytest.importorskip("distributed")
+    words = [
+        "-m",
+        "lostlink",
+        "study",
+        str(to_fly),
+        "--out",
+        str(to_fly.parent),
+        "--scheduler",
+        "tcp://127.0.0.1",
+    ]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "lostlink: no Dask scheduler answers at tcp://127.0.0.1: missing port number in address '127.0.0.1'\n"
+    )

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from types import FrameType, SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import yaml
 
+from bridge.fleet.autopilots.dirs import NOT_SAID
 from bridge.scenario.document.extends import SCENARIOS
 from bridge.scenario.file import ScenarioError, read_scenario
 from bridge.scenario.model import Scenario
+from lostlink.flight import scripted
+from lostlink.flight.flight import Flight
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 
 SEPARATION = Path(str(SCENARIOS / "separation.yaml"))
@@ -86,3 +93,42 @@ def test_files_in_changes_are_absolute_and_numbers_of_numpy_are_numbers(
 def test_a_mapping_may_have_numbers_of_numpy() -> None:
     it = read_like({"extends": "separation", "nodes": [{"id": 1, "home": {"north_m": np.float64(3.5)}}]}, {})
     assert it.ua[1].home.north_m == 3.5
+
+
+def is_waited_for(frame: FrameType | None) -> bool:
+    """Whether the interrupted thread was waiting for another."""
+    while frame is not None:
+        if frame.f_code.co_name in {"wait", "join"}:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def test_a_flight_whose_end_is_not_waited_for_is_not_taken_for_ended(tmp_path: Path) -> None:
+    """Of a thread that is over Python does not wait at its own end: the record would have none."""
+    interrupted, gone, released = threading.Event(), threading.Event(), threading.Event()
+    thread: list[threading.Thread] = []
+
+    def ctrl_c(_: int, frame: FrameType | None) -> None:
+        if is_waited_for(frame) and not gone.is_set():
+            if interrupted.is_set():
+                gone.set()
+            raise KeyboardInterrupt
+
+    def fly(_: object, *, takes_signals: bool) -> dict[str, Any]:
+        thread.append(threading.current_thread())
+        while not gone.wait(0.01):  # until it was interrupted twice
+            os.kill(os.getpid(), signal.SIGUSR1)
+        released.wait()
+        return {}
+
+    flight = SimpleNamespace(directory=SimpleNamespace(path=tmp_path), fly=fly, interrupt=interrupted.set)
+    before = signal.signal(signal.SIGUSR1, ctrl_c)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            scripted._in_a_thread(cast(Flight, flight), NOT_SAID)
+        assert thread[0].is_alive()
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+        released.set()
+    thread[0].join()

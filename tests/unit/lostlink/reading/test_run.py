@@ -17,8 +17,10 @@ from bridge.record.inputs import InputWriter, RecordedInput
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import from_autopilot, inputs_path, logged, packets
 from bridge.record.packets import SentPacket, encode_packet
+from bridge.record.provenance import Provenance, collect, write_provenance
 from bridge.record.streams import Entry
 from bridge.record.tables.every import TABLES
+from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import SCENARIO_FILE
 from bridge.scenario.file import read_scenario
@@ -173,3 +175,21 @@ def test_where_agents_logged_nothing_there_is_nothing(tmp_path: Path) -> None:
     run = load_run(write(tmp_path / "run"))
     assert len(run.agent_data) == 0
     assert list(run.transmitted("1")) == []
+
+
+def test_an_error_in_what_another_version_has_made_says_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "run")
+    write_provenance(Provenance(lostlink="0.0.9"), path)
+    (path / "truth.parquet").write_bytes(b"damaged")
+    run = load_run(path)
+    with pytest.raises(TableError) as told:
+        run.columns("truth")
+    [note] = told.value.__notes__
+    assert note.startswith(f"{path}: another version has made this record: lostlink 0.0.9; this is lostlink ")
+    with pytest.raises(ValueError, match="no table 'nothing'") as told_of_callers:
+        run.columns("nothing")
+    assert not hasattr(told_of_callers.value, "__notes__")
+    write_provenance(collect({}), path)
+    with pytest.raises(TableError) as told:
+        run.columns("truth")
+    assert not hasattr(told.value, "__notes__")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lostlink.testing.modem_link import ModemLinks, ScriptedLink
+from lostlink.testing.modem_link import Came, ModemLinks, ScriptedLink
 from tests.unit.bridge.modem.frames import decoded, frame_of, heartbeat
 
 LOSSY = ("radio.base_loss=0.2",)
@@ -76,3 +76,12 @@ def test_what_was_said_for_the_past_is_refused(modem_link: ModemLinks) -> None:
 def test_mistakes_are_named(modem_link: ModemLinks, asked: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         modem_link(**asked)  # type: ignore[arg-type]
+
+
+def test_what_an_assertion_shows_of_a_link_is_short(modem_link: ModemLinks) -> None:
+    link = modem_link()
+    link.gcs.came += [Came(1.0, b"abc"), Came(2.0, b"d" * 300)]
+    assert (
+        repr(link)
+        == "<ScriptedLink: gcs <End: 2 frames came, 303 bytes>, autopilot <End: 0 frames came, 0 bytes>>"
+    )

@@ -42,6 +42,7 @@ class Made:
             "packets": np.ones(10, dtype=np.int32),
             "distance_m": 10.0 * count,
             "fate": np.where(count % 2, "channel_erasure", "delivered").astype(object),
+            "radio": np.where(count < 8, "main", "video").astype(object),
         }
 
 
@@ -207,6 +208,24 @@ def test_what_a_link_delivered_by_time_and_distance():
         link.delivery(from_s=100.0)
     with pytest.raises(AssertionError, match="nothing was sent from 1 to 0"):
         RecordedLink(Made(), "1", "0").delivery()
+
+
+def test_what_an_assertion_shows_of_them():
+    link = RecordedLink(Made(), "0", "1")
+    assert repr(link) == "<RecordedLink 0 -> 1: main 4 of 8 delivered; video 1 of 2 delivered>"
+    assert repr(RecordedLink(Made(), "1", "0")) == "<RecordedLink 1 -> 0: nothing sent>"
+    assert repr(RecordedNode(Made(), "1")) == "<RecordedNode 1: 100.0 m N, 0.0 m E, 20.0 m up at 10.00 s>"
+    broken = Becoming(*[TableError("damaged")] * 2)
+    assert repr(RecordedLink(broken, "0", "1")) == "<RecordedLink 0 -> 1>"
+    assert repr(RecordedNode(broken, "1")) == "<RecordedNode 1>"
+
+
+def test_what_is_shown_of_a_flight_that_goes_on_is_what_was_waited_for():
+    flight = Growing()
+    flight.has_waited_for(3.0)
+    assert repr(flight.link("0", "1")) == "<RecordedLink 0 -> 1: main 2 of 3 delivered>"
+    assert repr(flight.ua("1")) == "<UaOfFlight 1: 30.0 m N, 0.0 m E, 20.0 m up at 3.00 s>"
+    assert flight.looks == 0
 
 
 def test_a_packet_of_the_very_begin_is_inside_and_of_the_end_outside():

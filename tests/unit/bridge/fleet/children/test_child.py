@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import logging
 import os
 import signal
 import subprocess
@@ -17,6 +18,8 @@ import psutil
 import pytest
 
 from bridge.fleet.children.child import LEASH, Child, ProcessSpec, end_with_news
+from bridge.fleet.children.last_words import last_words
+from bridge.run.process import LogForm
 
 ROOT = Path(__file__).parents[5]
 
@@ -89,7 +92,7 @@ async def test_what_cannot_be_started_is_told_in_the_log(tmp_path: Path) -> None
     child = Child(ProcessSpec("c", [str(tmp_path / "nothing")], tmp_path / "log"))
     await asyncio.wait_for(child.ended, 20.0)
     assert child.how_it_ended == "ended with status 1"
-    assert f"{tmp_path}/nothing: No such file" in child.log_tail()
+    assert f"{tmp_path}/nothing: No such file" in child.last_words()
 
 
 LATE = (
@@ -162,5 +165,50 @@ async def test_the_end_of_a_log_of_any_size_is_told(tmp_path: Path) -> None:
     child = Child(ProcessSpec("talks", [sys.executable, "-c", talk], log))
     await child.ended
     assert log.stat().st_size == (1 << 40) + len(end) + 1
-    assert child.log_tail(1) == "words"
-    assert child.log_tail().endswith(end)
+    assert child.last_words(1) == "words"
+    assert child.last_words().endswith(end)
+
+
+AT = "2026-11-26 11:26:47,344 12.050s"
+KILLED = f"""\
+{AT} WARNING host: late by 0.2 s
+{AT} INFO host: MAVLink of UA 0
+"""
+RAISED = f"""\
+{AT} INFO host: MAVLink of UA 0
+Traceback (most recent call last):
+  File "a.py", line 1, in <module>
+    agent()
+ValueError: no such place
+"""
+LOGGED = f"""\
+{AT} ERROR agent: failed
+Traceback (most recent call last):
+  File "a.py", line 1, in <module>
+ValueError: no such place
+{AT} INFO host: goes on
+"""
+
+
+@pytest.mark.parametrize(
+    ("log", "words"),
+    [
+        (f"{AT} INFO host: MAVLink of UA 0\n", ""),
+        (KILLED, f"{AT} WARNING host: late by 0.2 s"),
+        (RAISED, "ValueError: no such place"),
+        (RAISED.partition("\n")[2], "ValueError: no such place"),
+        (LOGGED, f"{AT} ERROR agent: failed\nValueError: no such place"),
+        (f"{KILLED}terminate called\n  what(): no memory\n", "terminate called\n  what(): no memory"),
+        (f"{AT} ERROR lostlink: a\nb\n", f"{AT} ERROR lostlink: a\nb"),
+        ("1\n2\n3\n4\n5\nPANIC\n", "2\n3\n4\n5\nPANIC"),
+        ("", ""),
+    ],
+)
+def test_what_a_log_says_last_is_what_went_wrong_and_nothing_else(log: str, words: str) -> None:
+    assert last_words(log) == words
+
+
+def test_our_logs_have_the_form_that_is_looked_for() -> None:
+    for level, word in ((logging.WARNING, "late"), (logging.INFO, "")):
+        line = LogForm().format(logging.LogRecord("host", level, "", 0, "late", None, None))
+        assert last_words(line) == (line if word else "")

@@ -167,6 +167,69 @@ def test_null_removes_the_count_and_the_pattern_of_a_group(folder: Path) -> None
     assert it.ua[2].home.north_m == 9.0
 
 
+GROUPS = """\
+  - {id: 3, count: 3, home: {north_m: 9, line: {spacing_m: 5}}, agent: {type: hold, altitude_m: "{40 + i}"}}
+  - {id: "mast-{i}", kind: ground, count: 2, agent: {type: still}}
+"""
+
+
+@pytest.fixture
+def grouped(folder: Path) -> Path:
+    (folder / "bases" / "base.yaml").write_text(BASE + GROUPS)
+    return folder
+
+
+def off(it: Scenario) -> list[str]:
+    return [str(node.id) for node in it.transceivers if node.radio_off]
+
+
+@pytest.mark.parametrize("node", ["3", "4", "mast-1"])
+def test_an_id_within_a_group_is_that_node_alone_as_with_set(grouped: Path, node: str) -> None:
+    over = mine(grouped, f"nodes: [{{id: {node}, radio_off: [{{from_s: 3}}]}}]\n")
+    it = read_scenario(over)
+    assert off(it) == [node]
+    base = grouped / "bases" / "base.yaml"
+    said = read_scenario(base, {f"nodes.{node}.radio_off": [{"from_s": 3}]})
+    assert it.nodes == said.nodes
+
+
+@pytest.mark.parametrize(
+    ("entry", "whole"),
+    [
+        ("{id: 3, count: 3, radio_off: [{from_s: 3}]}", ["3", "4", "5"]),
+        ("{id: 3, home: {line: {spacing_m: 7}}, radio_off: [{from_s: 3}]}", ["3", "4", "5"]),
+        ("{id: 'mast-{i}', radio_off: [{from_s: 3}]}", ["mast-0", "mast-1"]),
+    ],
+)
+def test_a_count_a_pattern_or_the_index_is_of_the_whole_group(
+    grouped: Path, entry: str, whole: list[str]
+) -> None:
+    assert off(read_scenario(mine(grouped, f"nodes: [{entry}]\n"))) == whole
+
+
+def test_a_node_of_a_group_is_changed_by_one_file_after_the_other(grouped: Path) -> None:
+    mine(grouped, "nodes: [{id: 4, radio_off: [{from_s: 3}], agent: {type: still}}]\n")
+    last = grouped / "last.yaml"
+    last.write_text(
+        "extends: mine.yaml\nnodes: [{id: 4, radio_off: null, home: {east_m: 2}}]\nwithout: [3, mast-0]\n"
+    )
+    it = read_scenario(last, {"nodes.3.count": 4})
+    assert [str(node.id) for node in it.transceivers] == ["0", "1", "4", "5", "6", "mast-1"]
+    assert it.ua[2].agent == StillAgent(type="still")
+    assert (it.ua[2].home.north_m, it.ua[2].home.east_m) == (9.0, 2.0)
+    assert off(it) == []
+    with pytest.raises(
+        ScenarioError, match=r"mine.yaml:2: nodes.4: .* has no such node any more; it has: 3$"
+    ):
+        read_scenario(grouped / "mine.yaml", {"nodes.3.count": 1})
+
+
+def test_a_mistake_in_a_node_of_a_group_is_told_where_it_is_written(grouped: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"mine.yaml:2: nodes.4.radio_of: unknown key") as told:
+        read_scenario(mine(grouped, "nodes: [{id: 4, radio_of: []}]\n"))
+    assert len(str(told.value).splitlines()) == 1
+
+
 def test_null_with_nothing_below_is_a_value(folder: Path) -> None:
     assert read_scenario(mine(folder, "radio: {max_range_m: null}\n")).radio["max_range_m"] is None
     with pytest.raises(ScenarioError, match=r"mine.yaml:2: transmit: has to be a mapping"):
