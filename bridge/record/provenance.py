@@ -41,8 +41,6 @@ CPU_FLAGS: Final = (
 NONE: Final[Mapping[str, str]] = MappingProxyType({})
 UNKNOWN: Final = "(unknown)"
 GIT_TIMEOUT_S: Final = 10.0
-DIRTY: Final = "-dirty"
-COMMIT_SHOWN: Final = 12
 _ROOT: Final = Path(__file__).resolve().parents[2]
 
 
@@ -202,15 +200,10 @@ def _other_version(run: Path) -> str:
         made = read_provenance(run)
     except (OSError, ValueError):
         return ""
-    ours = Provenance(version_of("lostlink"), _git_commit(_ROOT))
-    if made is None or (made.lostlink, made.git_commit) == (ours.lostlink, ours.git_commit):
+    ours = lostlink_told(version_of("lostlink"), git_commit())
+    if made is None or made.made_by == ours:
         return ""
-    return f"{run}: another version has made this record: {_version(made)}; this is {_version(ours)}"
-
-
-def _version(of: Provenance) -> str:
-    commit = f", commit {of.git_commit[:COMMIT_SHOWN]}" if of.git_commit else ""
-    return f"lostlink {of.lostlink or UNKNOWN}{commit}{' with changes' * (DIRTY in of.git_commit)}"
+    return f"{run}: another version has made this record: {made.made_by}; this is {ours}"
 
 
 def _from_plain(content: Any) -> Provenance:
@@ -291,6 +284,16 @@ def version_of(package: str) -> str:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return ""
+
+
+def made_by(run: Path) -> str:
+    """Which lostlink made the record in ``run``, for people.
+
+    Raises:
+        OSError, ValueError: what made the record cannot be read.
+    """
+    made = read_provenance(run)
+    return "it is not known what" if made is None else made.made_by
 
 
 def lostlink_told(version: str, commit: str) -> str:

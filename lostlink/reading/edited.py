@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from bridge.record.digests import digest_if_readable
-from bridge.record.provenance import git_commit, lostlink_told, read_provenance, version_of
+from bridge.record.provenance import git_commit, lostlink_told, made_by, read_provenance, version_of
 from bridge.scenario.document.files import YAML
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.named_files import Named
@@ -50,9 +50,8 @@ def presets_of_today(run: Path, recorded: Scenario, decided: Scenario) -> list[s
     Raises:
         OSError, ValueError: what made the record cannot be read.
     """
-    made, now = read_provenance(run), lostlink_told(version_of("lostlink"), git_commit())
+    by, now = made_by(run), lostlink_told(version_of("lostlink"), git_commit())
     names = sorted(_presets(recorded) & _presets(decided))
-    by = "it is not known what" if made is None else made.made_by
     return [f"{', '.join(names)}: preset as of {now}; {by} made the record"] if names and by != now else []
 
 

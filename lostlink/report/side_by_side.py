@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bridge.record.names import as_seen_from
-from lostlink.compare.made_by import made_by
+from bridge.record.provenance import made_by
 from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run

@@ -72,7 +72,8 @@ def test_a_record_whose_scenario_is_none_is_told_with_file_and_line(
         _ = load_run(file.parent).scenario
 
 
-NOTE = "another version has made this record: lostlink 0.0.9, commit 0123456789ab with changes; this is lostlink "
+COMMIT = f"{'0123456789abcdef':0<40}-dirty-00"
+NOTE = f"another version has made this record: lostlink 0.0.9 at commit {COMMIT}; this is lostlink "
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_of_a_record_of_another_version_that_cannot_be_read_that_is_told_once(
     done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
     assert done.exit_code == 2, done.exception
     assert "another version" not in done.output, "what made it is not known"
-    made = Provenance(lostlink="0.0.9", git_commit=f"{'0123456789abcdef':0<40}-dirty-00")
+    made = Provenance(lostlink="0.0.9", git_commit=COMMIT)
     write_provenance(made, run)
     done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
     assert done.exit_code == 2, done.exception
