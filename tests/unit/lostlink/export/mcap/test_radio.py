@@ -11,6 +11,7 @@ import pytest
 
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
+from bridge.record.tables.truth import TRUTH
 from bridge.scenario.mcap import McapSettings
 from lostlink.export.mcap.export import write_mcap
 from lostlink.reading.run import load_run
@@ -95,3 +96,14 @@ def test_what_was_under_way_when_a_run_ended_in_its_first_tick_is_there(tmp_path
     read = read_mcap(tmp_path / "run.mcap")
     assert read.times_ns["/fates"] == read.times_ns["/links"] == [0]
     assert sum(read.messages["/links"][0].sent) == len(rows)
+
+
+def test_a_table_whose_times_are_before_the_run_is_told(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+    path = TRUTH.parquet_path(run)
+    table = pq.read_table(path)
+    ticks_ns = pa.array([-1, *table["tick_ns"].to_pylist()[1:]])
+    pq.write_table(table.set_column(table.schema.get_field_index("tick_ns"), "tick_ns", ticks_ns), path)
+    with pytest.raises(ValueError, match="a message at -1 ns"):
+        write_mcap(run, tmp_path / "run.mcap", McapSettings())
+    assert not (tmp_path / "run.mcap").exists()
