@@ -13,7 +13,7 @@ from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from bridge.scenario.mcap import McapSettings
-from lostlink.export.mcap.export import write_mcap
+from lostlink.export.mcap.export import WINDOWS_MAX, write_mcap
 from lostlink.reading.run import load_run
 from lostlink.replay.player import Player
 from tests.unit.lostlink.export.mcap.files import read_mcap
@@ -98,12 +98,28 @@ def test_what_was_under_way_when_a_run_ended_in_its_first_tick_is_there(tmp_path
     assert sum(read.messages["/links"][0].sent) == len(rows)
 
 
-def test_a_table_whose_times_are_before_the_run_is_told(tmp_path: Path) -> None:
-    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+def with_tick(run: Path, row: int, tick_ns: int) -> None:
+    """Write another tick into a row of the true states, as by hand."""
     path = TRUTH.parquet_path(run)
     table = pq.read_table(path)
-    ticks_ns = pa.array([-1, *table["tick_ns"].to_pylist()[1:]])
-    pq.write_table(table.set_column(table.schema.get_field_index("tick_ns"), "tick_ns", ticks_ns), path)
+    ticks_ns = table["tick_ns"].to_pylist()
+    ticks_ns[row] = tick_ns
+    column = table.schema.get_field_index("tick_ns")
+    pq.write_table(table.set_column(column, "tick_ns", pa.array(ticks_ns)), path)
+
+
+@pytest.mark.parametrize("tick_ns", [10**17, 2**63 - 1])
+def test_a_record_that_says_it_is_years_long_is_written_all_the_same(tmp_path: Path, tick_ns: int) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+    with_tick(run, -1, tick_ns)
+    windows: list[float] = []
+    write_mcap(run, tmp_path / "run.mcap", McapSettings(), windows.append)
+    assert len(windows) <= WINDOWS_MAX + 2
+
+
+def test_a_table_whose_times_are_before_the_run_is_told(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+    with_tick(run, 0, -1)
     with pytest.raises(ValueError, match="a message at -1 ns"):
         write_mcap(run, tmp_path / "run.mcap", McapSettings())
     assert not (tmp_path / "run.mcap").exists()
