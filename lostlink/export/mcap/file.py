@@ -104,13 +104,7 @@ class Channel:
         return True
 
     def write(self, time_ns: int, data: bytes) -> None:
-        """Write a message, unless it is too long.
-
-        Raises:
-            ValueError: it is from before the run.
-        """
-        if time_ns < 0:
-            raise ValueError(f"{self._topic}: a message at {time_ns} ns, before the run")
+        """Write a message, unless it is too long."""
         if self._size is not None and len(data) > self._size:
             self._file.left_out[self._topic] += 1
             return

@@ -158,7 +158,7 @@ def _passed(is_passed: bool) -> Any:
 
 def _node(node: dict[str, Any]) -> Row:
     numbers = ("height_min_m", "height_max_m", "farthest_m", "way_m", "speed_max_mps")
-    return [node["title"], node["kind"], *(f"{node[name]:.1f}" for name in numbers)]
+    return [node["title"], node["kind"], *(num(node[name], 1) for name in numbers)]
 
 
 def _power(box: dict[str, Any]) -> Row:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from numpy.typing import NDArray
@@ -401,15 +400,9 @@ def test_a_run_is_decided_anew_without_any_file_of_its_radio(tmp_path: Path) -> 
     assert redecide(run, radio="wifi-2.4").comparison.changed > 0
 
 
-@pytest.mark.parametrize(
-    ("rows", "seq", "told"), [([0, 0, 1], [0, 0, 1], "two rows"), ([0, 1, 2], [0, -1, 2], "negative number")]
-)
-def test_packets_that_cannot_be_told_apart_are_not_decided(
-    tmp_path: Path, rows: list[int], seq: list[int], told: str
-) -> None:
+def test_packets_that_cannot_be_told_apart_are_not_decided(tmp_path: Path) -> None:
     run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 20)
     path = DELIVERIES.parquet_path(run)
-    table = pq.read_table(path).take(rows)
-    pq.write_table(table.set_column(table.schema.get_field_index("seq"), "seq", pa.array(seq)), path)
-    with pytest.raises(ValueError, match=f"{path.name}: a packet has .*{told}"):
+    pq.write_table(pq.read_table(path).take([0, 0, 1]), path)
+    with pytest.raises(ValueError, match=f"{path.name}: a packet has two rows"):
         redecide(run)
