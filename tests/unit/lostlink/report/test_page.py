@@ -18,6 +18,7 @@ from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
 from lostlink.report.content import _model, content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
+from lostlink.report.page.words import NOTHING
 from lostlink.report.pictures.all import draw_all
 from lostlink.report.pictures.radio import draw_ages, told_of_delivery
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
@@ -330,3 +331,10 @@ def test_beside_an_emitter_that_is_heard_the_curve_is_what_was_predicted() -> No
     assert len(alone["distance_m"]) == CURVE_POINTS
     assert beside is not None
     assert (beside["distance_m"].tolist(), beside["probability_of_delivery"].tolist()) == ([50.0], [0.25])
+
+
+def test_places_that_are_no_numbers_are_dashes(content: dict[str, Any], pictures: dict[str, str]) -> None:
+    """A flight model may diverge, and tables may be edited."""
+    first, *others = content["nodes"]
+    text = page_of({**content, "nodes": [{**first, "farthest_m": None}, *others]}, pictures)
+    assert f"<td>{NOTHING}</td>" in re.sub(r"<td[^>]*>", "<td>", text)
