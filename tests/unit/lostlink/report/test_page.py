@@ -12,11 +12,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from bridge.record.events import Report
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.flight.figure import CURVE_POINTS, draw_measured
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
-from lostlink.report.content import _model, content_of
+from lostlink.report.content import KINDS, _model, content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.page.words import NOTHING
 from lostlink.report.pictures.all import draw_all
@@ -338,3 +338,31 @@ def test_places_that_are_no_numbers_are_dashes(content: dict[str, Any], pictures
     first, *others = content["nodes"]
     text = page_of({**content, "nodes": [{**first, "farthest_m": None}, *others]}, pictures)
     assert f"<td>{NOTHING}</td>" in re.sub(r"<td[^>]*>", "<td>", text)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("unfinished", -1),
+        ("sim_duration_s", []),
+        ("refused", "x"),
+        ("bins", "x"),
+        ("bins", [{}]),
+        ("bins", [{"distance_min_m": None, "distance_max_m": 1.0, "sent": 1, "delivered": 1}]),
+        ("checks", [{"name": "draws", "size": None}]),
+        ("checks", [{"name": "draws", "size": 1, "found": []}]),
+        ("unjudged", "x"),
+        ("expectations", [{}]),
+    ],
+)
+def test_a_summary_that_is_none_is_told_with_its_key(tmp_path: Path, key: str, value: object) -> None:
+    path = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")), 5)
+    (path / SUMMARY_FILE).write_text(json.dumps({key: value}))
+    with pytest.raises(ValueError, match=rf"{SUMMARY_FILE}: {key}: not what a run writes"):
+        content_of(load_run(path))
+
+
+def test_a_summary_that_says_nothing_of_something_has_a_page(tmp_path: Path) -> None:
+    path = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")), 5)
+    (path / SUMMARY_FILE).write_text(json.dumps(dict.fromkeys(KINDS)))
+    assert "What ran" in page_of(content_of(load_run(path)), {})
