@@ -46,7 +46,13 @@ KINDS: Final[dict[str, Any]] = {
 """Of what a summary has, if it has it, as far as pages reckon with it; and of the rows of its lists:"""
 KINDS_IN_ROWS: Final[dict[str, dict[str, Any]]] = {
     "bins": dict.fromkeys(("distance_min_m", "distance_max_m", "sent", "delivered"), NUMBER),
-    "checks": {"name": str, "size": NUMBER, "found": (*NUMBER, NoneType), "power": (*NUMBER, NoneType)},
+    "checks": {
+        "name": str,
+        "size": NUMBER,
+        "found": (*NUMBER, NoneType),
+        "power": (*NUMBER, NoneType),
+        "chance": (*NUMBER, NoneType),
+    },
     "unjudged": {"name": str, "why": str},
     "expectations": {"name": str, "passed": bool},
 }
