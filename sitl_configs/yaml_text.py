@@ -39,6 +39,15 @@ class YamlMistake(ValueError):
 class _TextLoader(yaml.SafeLoader):
     """Takes 1e3 and 2.4e9 for numbers, and none that YAML 1.1 reads as another than is written."""
 
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """The value of a node; a word that is none of its tag is told with its line."""
+        try:
+            return super().construct_object(node, deep)
+        except NO_VALUE as error:
+            if isinstance(error, YamlMistake) or not isinstance(node, yaml.ScalarNode):
+                raise
+            raise YamlMistake(f"is not YAML: {error}", _line_of(node)) from None
+
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
         """The number of a word; 010 would be 8, and 12:30 be 750."""
         is_float = node.tag == FLOAT

@@ -55,10 +55,10 @@ class ApiServer:
             self.config.host,
             self.config.port,
             "api",
+            MAX_CONNECTIONS,
             self._on_failure,
             lifespan="off",
             ws_max_size=MAX_FRAME_BYTES,
-            limit_concurrency=MAX_CONNECTIONS,
         )
         self._serving = await serving.__aenter__()
         return self

@@ -11,10 +11,14 @@ from typing import Any, Final, Self
 
 import uvicorn
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 __all__ = ["Serving", "serve_client"]
 
 BACKLOG = 64
+"""Connections accepted in one turn of the event loop."""
+HEAD_S = 10.0
+"""Between two looks at a connection: one that has been without a whole request at both is closed."""
 DIED: Final = 1011
 """WebSocket close code: an internal error."""
 _log = logging.getLogger(__name__)
@@ -30,6 +34,28 @@ class _Server(uvicorn.Server):
         yield
 
 
+class _Connection(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
+    """uvicorn's, which answers one too many with 503 when it asks, and keeps it, and all that never ask, for good."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        """asyncio: it is there; beyond those that are answered it ends at once."""
+        super().connection_made(transport)
+        if len(self.connections) > self.limit_concurrency:
+            transport.abort()
+        else:
+            self.loop.call_later(HEAD_S, self._look, None)
+
+    def _look(self, before: object) -> None:
+        """Close it if it waits for a request as it did before, after the same one."""
+        if self not in self.connections:  # it has ended, or is a WebSocket
+            return
+        waits = self.cycle is None or self.cycle.response_complete
+        if waits and self.cycle is before:
+            self.transport.close()
+        else:
+            self.loop.call_later(HEAD_S, self._look, self.cycle if waits else self)
+
+
 class Serving:
     """An async context manager: it serves from entry to exit, does not log requests, and does not name itself.
 
@@ -38,6 +64,7 @@ class Serving:
         host: address or name to listen at.
         port: TCP port; 0 for any free one.
         name: of its task.
+        connections_max: how many there may be at once, less one; that one is answered 503, and further ones end.
         on_failure: called with the error if it ends before it is stopped.
         settings: further ones of `uvicorn.Config`.
 
@@ -54,6 +81,7 @@ class Serving:
         host: str,
         port: int,
         name: str,
+        connections_max: int,
         on_failure: Callable[[BaseException], object] = lambda _error: None,
         **settings: Any,
     ) -> None:
@@ -63,6 +91,9 @@ class Serving:
         self._server = _Server(
             uvicorn.Config(
                 app,
+                http=_Connection,
+                backlog=BACKLOG,
+                limit_concurrency=connections_max,
                 log_config=None,
                 access_log=False,
                 log_level="warning",

@@ -26,6 +26,8 @@ KEY_BYTES: Final = 32
 EPOCH_UNIX_US: Final = 1_420_070_400_000_000
 """2015-01-01, from which timestamps count."""
 UNIT_US: Final = 10
+LAST_UNITS: Final = (1 << 48) - (1 << 32)
+"""Timestamps from here on (in 2104) are refused: ours have to come after all that were heard, in six bytes."""
 OLDEST_UNITS: Final = 60_000_000 // UNIT_US
 """How far behind the first frame of a sender may be."""
 TIMESTAMP_BYTES: Final = 6
@@ -47,7 +49,7 @@ class SigningCounters:
     unsigned: int = 0
     """Refused: without a signature."""
     bad: int = 0
-    """Refused: with a wrong one."""
+    """Refused: with a wrong one, or a timestamp that none can come after."""
     old: int = 0
     """Refused: a timestamp that was there before, or is long past."""
     not_signable: int = 0
@@ -117,6 +119,9 @@ class Signing:
             self.counters.bad += 1
             return False
         timestamp = int.from_bytes(body[-TIMESTAMP_BYTES:], "little")
+        if timestamp >= LAST_UNITS:
+            self.counters.bad += 1
+            return False
         sender = (frame.sysid, frame.compid, raw[-SIGNATURE_BYTES])
         heard = self.heard
         oldest = heard.by_sender.get(sender, max(heard.latest, self._now()) - OLDEST_UNITS)

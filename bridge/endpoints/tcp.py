@@ -15,6 +15,10 @@ RECEIVE_BUFFER_BYTES: Final = 16_384
 a segment takes of its memory: with 4 kB many short ones do not fit, are dropped, and come again much later."""
 UNREAD_BYTES: Final = 1 << 16
 """For a host that does not read."""
+BACKLOG: Final = 16
+"""Connections accepted in one turn of the event loop."""
+HOSTS_MAX: Final = 64
+"""At one port: each holds a file descriptor of the whole process."""
 
 
 class _Stream(asyncio.Protocol):
@@ -135,16 +139,25 @@ class TcpConnection(_Tcp):
 
 
 class TcpPort(_Tcp):
-    """Listens; each who connects gets everything, and all may send."""
+    """Listens; each who connects gets everything, and all may send. One beyond `HOSTS_MAX` is turned away."""
 
     def __init__(self, name: str, host: str, port: int) -> None:
         super().__init__(name, host, port)
         self._server: asyncio.Server | None = None
 
+    def came(self, stream: _Stream) -> None:
+        """A connection is there."""
+        if len(self._streams) < HOSTS_MAX:
+            super().came(stream)
+        elif stream.transport is not None:
+            stream.transport.abort()
+
     async def open(self) -> None:
         """Listen."""
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(lambda: _Stream(self), self._host, self._port)
+        self._server = await loop.create_server(
+            lambda: _Stream(self), self._host, self._port, backlog=BACKLOG
+        )
         port = self._server.sockets[0].getsockname()[1]
         self.name = f"{self.name.rpartition(':')[0]}:{port}"
 

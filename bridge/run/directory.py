@@ -161,10 +161,11 @@ class RunDirectory:
         Raises:
             OSError, ValueError: if the file is not there or not ours.
         """
+        file, mistake = self.path / RUN_FILE, "not the description of a run"
         try:
-            return RunInfo(**json.loads((self.path / RUN_FILE).read_text(encoding="utf-8")))
+            return RunInfo(**read_object(file, mistake))
         except TypeError as error:
-            raise ValueError(f"{self.path / RUN_FILE}: not the description of a run: {error}") from error
+            raise ValueError(f"{file}: {mistake}: {error}") from error
 
     def credentials(self, process: str) -> Credentials:
         """What a process of the run logs in to its router with.

@@ -21,8 +21,19 @@ def whole_file(path: Path, *, is_shared: bool = False) -> Iterator[Path]:
     """
     own = f".{os.getpid()}" if is_shared else ""
     partial = path.with_name(f"{path.name}{own}.partial")
+    make_new(partial)
     try:
         yield partial
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def make_new(path: Path) -> None:
+    """Make an empty file in the place of what has its name: in a directory that others write to, too, it is ours.
+
+    Raises:
+        OSError: it cannot be made, or somebody else has put there what we cannot remove.
+    """
+    path.unlink(missing_ok=True)
+    os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))

@@ -20,6 +20,8 @@ EXTRA = "lostlink[terrain]"
 M_PER_DEG = 111_318.84502145034
 """ArduPilot's scale of latitude (`LATLON_TO_M` is that of 1e-7 degree), in which the positions of a run are."""
 MAX_POINTS = 16_000_000
+ROWS_AT_ONCE = 16
+"""Of the grid; so much of the file is in memory."""
 FEET = "ft", "foot", "feet"
 """In the names that files have for units of feet, in capitals or not."""
 
@@ -112,6 +114,11 @@ def _pixels(data: Any, lat_deg: FloatArray, lon_deg: FloatArray) -> tuple[FloatA
 
 
 def _bilinear(file: Path, data: Any, row: FloatArray, column: FloatArray) -> FloatArray:
+    parts = [slice(begin, begin + ROWS_AT_ONCE) for begin in range(0, len(row), ROWS_AT_ONCE)]
+    return np.concatenate([_bilinear_part(file, data, row[part], column[part]) for part in parts])
+
+
+def _bilinear_part(file: Path, data: Any, row: FloatArray, column: FloatArray) -> FloatArray:
     top, left = int(np.min(row)), int(np.min(column))
     bottom, right = min(int(np.max(row)) + 2, data.height), min(int(np.max(column)) + 2, data.width)
     band = data.read(1, window=((top, bottom), (left, right)), masked=True).astype(np.float64)

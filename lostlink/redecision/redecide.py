@@ -174,6 +174,7 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     recorded = scenario_of(run)
     refuse_another_flight(run, recorded, scenario)
     before = DeliveryRows.read(run, nodes)
+    _refuse_repeated(run, before)
     positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
     if not positions.ticks_ns.size:
         raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
@@ -206,6 +207,13 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     books, files = tuple(each.books for each in anew), radio_files(scenario)
     edited = (*edited_files(run, files), *presets_of_today(run, recorded, scenario))
     return Redecision(run, scenario, before, after, facts, books, tuple(routes), files, edited)
+
+
+def _refuse_repeated(run: Path, rows: DeliveryRows) -> None:
+    """Of rows that name one packet and receiver none could be told from the others; by hand such a table is made."""
+    keys = rows.each().keys()
+    if len(np.unique(keys)) < len(keys):
+        raise ValueError(f"{DELIVERIES.parquet_path(run)}: a packet has two rows for one receiver")
 
 
 class _Progress:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from typing import Any
+from types import NoneType
+from typing import Any, Final
 
 import numpy as np
 
 from bridge.record.names import as_seen_from
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
+from bridge.run.directory import SUMMARY_FILE
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import draws_are_shared
 from bridge.scenario.resolve.radio import common_radio
@@ -35,6 +37,25 @@ SCHEMA = 1
 Content = dict[str, Any]
 """In JSON's types; docs/how-to/report.md has the keys."""
 Tell = Callable[[str], object]
+NUMBER: Final = (int, float)
+KINDS: Final[dict[str, Any]] = {
+    **dict.fromkeys(("unfinished", "bins", "checks", "unjudged", "expectations"), list),
+    **dict.fromkeys(("sim_duration_s", "wall_duration_s", "real_time_factor"), NUMBER),
+    "refused": dict,
+}
+"""Of what a summary has, if it has it, as far as pages reckon with it; and of the rows of its lists:"""
+KINDS_IN_ROWS: Final[dict[str, dict[str, Any]]] = {
+    "bins": dict.fromkeys(("distance_min_m", "distance_max_m", "sent", "delivered"), NUMBER),
+    "checks": {
+        "name": str,
+        "size": NUMBER,
+        "found": (*NUMBER, NoneType),
+        "power": (*NUMBER, NoneType),
+        "chance": (*NUMBER, NoneType),
+    },
+    "unjudged": {"name": str, "why": str},
+    "expectations": {"name": str, "passed": bool},
+}
 KILLED = "killed"
 """The ending of a run that has none."""
 
@@ -49,6 +70,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     Raises:
         TableError, OSError, ValueError: a file of the run is damaged, or cannot be read.
     """
+    _check_summary(run)
     tell("reads the deliveries")
     rows, end_ns = rows_of_packets(run, (*packets.COLUMNS, *OF_AIR)), run.end_ns
     tell("counts packets")
@@ -91,6 +113,20 @@ def rows_of_packets(run: Run, columns: Sequence[str] = packets.COLUMNS) -> Deliv
     return DeliveryRows.read(run.path, run.scenario.transceiver_ids, columns).each()
 
 
+def _check_summary(run: Run) -> None:
+    """Refuse a summary that somebody has edited into what is none."""
+    for name, kind in KINDS.items():
+        value = run.summary.get(name)
+        rows = value if isinstance(value, list) and name in KINDS_IN_ROWS else []
+        if not (value is None or isinstance(value, kind)) or not all(_is_row(name, row) for row in rows):
+            raise ValueError(f"{run.path / SUMMARY_FILE}: {name}: not what a run writes")
+
+
+def _is_row(name: str, row: object) -> bool:
+    kinds = KINDS_IN_ROWS[name].items()
+    return isinstance(row, dict) and all(isinstance(row.get(key), kind) for key, kind in kinds)
+
+
 def _run(run: Run) -> Content:
     scenario, summary = run.scenario, run.summary
     return {
@@ -105,7 +141,7 @@ def _run(run: Run) -> Content:
         "tick_rate_hz": scenario.tick_rate_hz,
         "ending": run.ending or KILLED,
         "error": summary.get("error"),
-        "unfinished": summary.get("unfinished", []),
+        "unfinished": summary.get("unfinished") or [],
         "outcome": run.outcome,
         "verdict": run.verdict,
         "digest": run.digest,
@@ -155,7 +191,7 @@ def _host(run: Run, rows: DeliveryRows) -> Content:
     return {
         "host": {
             "lost": lost,
-            "refused": _not_zero(run.summary.get("refused", {})),
+            "refused": _not_zero(run.summary.get("refused") or {}),
             "counters": reports.counters,
         },
         "events": [asdict(event) for event in reports.events],

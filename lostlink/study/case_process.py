@@ -136,7 +136,7 @@ def read_result(directory: Path) -> dict[str, Any] | None:
     """The result of a case; None if it has none yet."""
     try:
         content = json.loads((directory / RESULT_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
 

@@ -25,6 +25,8 @@ POLICY: Final = (
 RECONNECT_S: Final = 30.0
 """For so long a page that has lost its connection may come back as it was: a machine can be that busy."""
 MAX_FRAME_BYTES: Final = 1 << 20
+MAX_CONNECTIONS: Final = 256
+"""A page has up to eight."""
 
 
 class ViewServer:
@@ -55,6 +57,7 @@ class ViewServer:
             self.config.host,
             self.config.port,
             "view",
+            MAX_CONNECTIONS,
             partial(self.background.die, "the web server"),
             lifespan="on",
             ws_max_size=MAX_FRAME_BYTES,

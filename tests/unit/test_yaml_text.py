@@ -23,15 +23,15 @@ BOMB = "\n".join(
         ("a: 1\nb: 2\na: 3\n", 3, "a: given twice, before on line 1: keep one of them"),
         ("a:\n  - {b: 1, b: 2}\n", 2, "b: given twice, before on line 2: keep one of them"),
         ("a: [1\nb: 2", 2, "is not YAML: "),
-        ("a: 2024-13-45", None, "is not YAML: month must be in 1..12"),
+        ("a: 2024-13-45", 1, "is not YAML: month must be in 1..12"),
         ("a: &x [1, *x]", 1, "an alias of what it is in"),
         ("[" * 100_000, None, "is nested too deeply"),  # libyaml crashes of it
         ("[" * 100_000 + "]" * 100_000, None, "is nested too deeply"),
         (BOMB, None, "has more than 1000000 values"),
         ("a: \x00", None, "is not YAML: "),
-        ("a: !!bool maybe", None, "is not YAML: "),
-        ("a: !!int ''", None, "is not YAML: "),
-        ("a: !!timestamp soon", None, "is not YAML: "),
+        ("b: 1\na: !!bool maybe", 2, "is not YAML: "),
+        ("a: !!int ''", 1, "is not YAML: "),
+        ("a: !!timestamp soon", 1, "is not YAML: "),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(text: str, line: int | None, told: str) -> None:

@@ -16,7 +16,18 @@ from bridge.bus.messages import Fates, Header
 from bridge.record.packets import SentPacket
 from bridge.record.tables.journal import LABELS_MAX, TableWriter
 from bridge.record.tables.reader import no_rows, read_columns
-from bridge.record.tables.schema import COUNT, LABEL, NUMBER, TICK, Column, Columns, Table
+from bridge.record.tables.schema import (
+    COUNT,
+    COUNT_MAX,
+    LABEL,
+    NUMBER,
+    NUMBER_MAX,
+    TICK,
+    TIME_MAX_NS,
+    Column,
+    Columns,
+    Table,
+)
 from channel.medium import reception
 from channel.medium.reception import EVERYBODY, Receptions
 from channel.network.instants import InstantColumns
@@ -31,12 +42,12 @@ there or lost for good; -1 where it did not."""
 DELIVERIES: Final = Table(
     "deliveries",
     (
-        Column("sim_time_ns", TICK),
+        Column("sim_time_ns", TICK, most=TIME_MAX_NS),
         Column("tx", LABEL),
         Column("rx", LABEL),
-        Column("seq", TICK),
-        Column("packets", COUNT),
-        Column("length_bytes", COUNT),
+        Column("seq", TICK, most=NUMBER_MAX),
+        Column("packets", COUNT, most=COUNT_MAX),
+        Column("length_bytes", COUNT, most=COUNT_MAX),
         Column("distance_m", NUMBER, 1e3),
         Column("received_power_dbm", NUMBER, 1e3),
         Column("snr_db", NUMBER, 1e3),

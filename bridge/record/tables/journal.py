@@ -182,6 +182,8 @@ def read_rows(path: Path, table: Table, rows: int = READ_ROWS) -> tuple[Labels, 
     if labels is None:
         return dict.fromkeys(table.labels, ()), iter(())
     for column, name in _added(path):  # read after the rows were counted: it has all of theirs
+        if column not in labels:
+            raise TableError(f"{names_path(path)}: {column!r} is no column of names in {table.name}")
         labels[column] = (*labels[column], name)
     return labels, _rows(path, begin, left, table.dtype, rows)
 
@@ -228,8 +230,8 @@ def _added(path: Path) -> Iterator[tuple[str, str]]:
     for line in added.read_text(encoding="utf-8").splitlines(keepends=True):
         if line.endswith("\n"):
             try:
-                column, name = json.loads(line)
-            except ValueError as error:
+                column, name = map(str, json.loads(line))
+            except (ValueError, TypeError, RecursionError) as error:
                 raise TableError(f"{added}: cannot be read: {error}") from error
             yield column, name
 

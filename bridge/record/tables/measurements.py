@@ -7,13 +7,20 @@ from pathlib import Path
 from typing import Final
 
 from bridge.record.tables.journal import TableWriter
-from bridge.record.tables.schema import LABEL, NUMBER, TICK, Column, Table
+from bridge.record.tables.schema import (
+    LABEL,
+    NUMBER,
+    TICK,
+    TIME_MAX_NS,
+    Column,
+    Table,
+)
 from channel.sensing.measured import OUTCOMES, Measured
 
 MEASUREMENTS: Final = Table(
     "measurements",
     (
-        Column("sim_time_ns", TICK),
+        Column("sim_time_ns", TICK, most=TIME_MAX_NS),
         Column("node", LABEL),
         Column("emitter", LABEL),
         Column("number", TICK),

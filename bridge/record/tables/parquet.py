@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.columns import name_type, names, numbers, texts
+from bridge.record.tables.columns import name_type, names, numbers, texts, values_of
 from bridge.record.tables.journals import rows_of
 from bridge.record.tables.schema import LABEL, NUMBER, Column, Table, TableError
 from bridge.run.whole_file import whole_file
@@ -128,9 +128,19 @@ def batches_of_parquet(
                 gaps = [name for name in expected.names if _has_gap(batch.column(name))]
                 if gaps:
                     raise TableError(f"{path}: a row has no value in {', '.join(gaps)}")
+                _check_most(path, columns, batch)
                 yield batch.select(expected.names)
         except (pa.ArrowException, OSError) as error:
             raise TableError(f"{path}: damaged: {error}") from error
+
+
+def _check_most(path: Path, columns: Sequence[Column], batch: pa.RecordBatch) -> None:
+    """Refuse numbers that no run has."""
+    for column in columns:
+        values = values_of(batch.column(column.name)) if column.most and batch.num_rows else np.zeros(1)
+        for value in (values.min(), values.max()):
+            if not 0 <= value <= column.most:
+                raise TableError(f"{path}: {column.name} {value}: has to be from 0 to {column.most}")
 
 
 def _has_gap(column: pa.Array) -> bool:

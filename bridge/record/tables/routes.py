@@ -10,16 +10,25 @@ import numpy as np
 
 from bridge.record.tables.journal import TableWriter
 from bridge.record.tables.reader import no_rows, read_columns
-from bridge.record.tables.schema import COUNT, LABEL, TICK, Column, Columns, Table
+from bridge.record.tables.schema import (
+    COUNT,
+    LABEL,
+    NUMBER_MAX,
+    TICK,
+    TIME_MAX_NS,
+    Column,
+    Columns,
+    Table,
+)
 from channel.network.network import RadioRoute
 
 ROUTES: Final = Table(
     "routes",
     (
-        Column("sim_time_ns", TICK),
+        Column("sim_time_ns", TICK, most=TIME_MAX_NS),
         Column("tx", LABEL),
         Column("rx", LABEL),
-        Column("seq", TICK),
+        Column("seq", TICK, most=NUMBER_MAX),
         Column("radio", LABEL),
         Column("arrived_ns", TICK),
         Column("hop", COUNT),

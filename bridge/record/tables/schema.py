@@ -20,6 +20,11 @@ TEXT_PREFIX: Final = "|S"
 """Text of so many bytes of UTF-8 at most: ``|S24``. What is longer is cut."""
 NED: Final = ("north", "east", "down")
 FRD: Final = ("forward", "right", "down")
+TIME_MAX_NS: Final = 5 * 10**15
+"""58 days of sim time: no run is that long (MAVLink counts milliseconds in 32 bits)."""
+NUMBER_MAX: Final = 1 << 48
+"""Of packets, with room for the number of a node beside it."""
+COUNT_MAX: Final = (1 << 31) - 1
 Columns = dict[str, NDArray[Any]]
 """Rows of a table, by column."""
 
@@ -37,12 +42,14 @@ class Column(NamedTuple):
         steps_per_unit: numbers are rounded to whole steps of which one unit has so many; 0: they are kept as they are.
         comes_up: its names are not known before rows have them: a file has those of its rows alone, in their order,
             whoever met them first while the table was written.
+        most: its numbers are from 0 to this one; 0: there are others.
     """
 
     name: str
     dtype: str
     steps_per_unit: float = 0.0
     comes_up: bool = False
+    most: int = 0
 
     @property
     def is_text(self) -> bool:

@@ -23,6 +23,7 @@ from bridge.record.tables.schema import (
     NUMBER,
     TEXT_PREFIX,
     TICK,
+    TIME_MAX_NS,
     Column,
     Columns,
     Table,
@@ -37,7 +38,7 @@ AGES: Final = (
 STATES: Final = Table(
     "states",
     (
-        Column("tick_ns", TICK),
+        Column("tick_ns", TICK, most=TIME_MAX_NS),
         Column("node", LABEL),
         Column("mav_id", COUNT),
         *(Column(f"{name}_rad", NUMBER) for name in ("roll", "pitch", "yaw")),

@@ -14,14 +14,24 @@ from numpy.typing import NDArray
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
 from bridge.record.tables.journal import TableWriter
 from bridge.record.tables.reader import read_columns
-from bridge.record.tables.schema import FRD, LABEL, NED, NUMBER, TICK, Column, Table, vector
+from bridge.record.tables.schema import (
+    FRD,
+    LABEL,
+    NED,
+    NUMBER,
+    TICK,
+    TIME_MAX_NS,
+    Column,
+    Table,
+    vector,
+)
 
 TRUTH: Final = Table(
     "truth",
     (
-        Column("tick_ns", TICK),
+        Column("tick_ns", TICK, most=TIME_MAX_NS),
         Column("node", LABEL),
-        Column("sim_time_ns", TICK),
+        Column("sim_time_ns", TICK, most=TIME_MAX_NS),
         Column("longitude_deg", NUMBER),
         Column("latitude_deg", NUMBER),
         Column("altitude_amsl_m", NUMBER),

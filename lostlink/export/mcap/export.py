@@ -25,6 +25,8 @@ from lostlink.export.mcap.topics import prefixes
 MCAP_FILE: Final = "run.mcap"
 WINDOW_NS: Final = 5_000_000_000
 """Within a window messages are sorted; so much sim time is in memory."""
+WINDOWS_MAX: Final = 20_000
+"""A day of sim time; a record that says it is longer has longer ones."""
 OnProgress = Callable[[float], object]
 
 
@@ -47,7 +49,8 @@ def write_mcap(
     end_ns = _end_of(run)
     with McapFile(path, settings) as file:
         sources = list(_sources(run, file, scenario))
-        for until_ns in (*range(WINDOW_NS, end_ns, WINDOW_NS), FOREVER_NS):
+        window_ns = max(WINDOW_NS, end_ns // WINDOWS_MAX)
+        for until_ns in (*range(window_ns, end_ns, window_ns), FOREVER_NS):
             items = [item for source in sources for item in source.until(until_ns)]
             items.sort(key=itemgetter(0))
             for time_ns, channel, data in items:

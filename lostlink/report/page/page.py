@@ -105,7 +105,7 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
 
 
 def _sees(check: dict[str, Any]) -> str:
-    return f"{check['wrong']}: {check['power']:.0%}" if "power" in check else ""
+    return f"{check['wrong']}: {check['power']:.0%}" if check.get("power") is not None else ""
 
 
 def _facts(run: dict[str, Any]) -> list[Row]:
@@ -122,7 +122,7 @@ def _facts(run: dict[str, Any]) -> list[Row]:
     ]
     rows += [["not that of the record", line] for line in run["summary_mistakes"]]
     if run["unfinished"]:
-        rows.append(["not finished", ", ".join(run["unfinished"])])
+        rows.append(["not finished", ", ".join(map(str, run["unfinished"]))])
     if run["redecided_from"]:
         rows.append(["decided anew from", run["redecided_from"]])
     return rows
@@ -158,7 +158,7 @@ def _passed(is_passed: bool) -> Any:
 
 def _node(node: dict[str, Any]) -> Row:
     numbers = ("height_min_m", "height_max_m", "farthest_m", "way_m", "speed_max_mps")
-    return [node["title"], node["kind"], *(f"{node[name]:.1f}" for name in numbers)]
+    return [node["title"], node["kind"], *(num(node[name], 1) for name in numbers)]
 
 
 def _power(box: dict[str, Any]) -> Row:

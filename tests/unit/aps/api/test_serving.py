@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import pytest
 from starlette.websockets import WebSocket
 
-from aps.api.serving import DIED, Serving, serve_client
+from aps.api import serving as serving_module
+from aps.api.serving import BACKLOG, DIED, Serving, serve_client
 
 
 class Client:
@@ -70,7 +72,7 @@ async def test_a_server_that_ends_of_itself_is_told_of(
 
     monkeypatch.setattr("uvicorn.Server.serve", ends)
     died: asyncio.Future[BaseException] = asyncio.get_running_loop().create_future()
-    async with Serving(None, "127.0.0.1", 0, "view", died.set_result):
+    async with Serving(None, "127.0.0.1", 0, "view", 8, died.set_result):
         error = await asyncio.wait_for(died, 5.0)
     assert ("speed" in str(error)) if raises else ("the view ended of itself" in str(error))
     assert "nothing is served at port" in caplog.text
@@ -86,7 +88,7 @@ async def test_what_is_sent_on_a_connection_does_not_wait_for_more() -> None:
         await send({"type": "http.response.start", "status": 204, "headers": []})
         await send({"type": "http.response.body"})
 
-    async with Serving(app, "127.0.0.1", 0, "api", lifespan="off") as serving:
+    async with Serving(app, "127.0.0.1", 0, "api", 8, lifespan="off") as serving:
         reader, writer = await asyncio.open_connection("127.0.0.1", serving.port)
         writer.write(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
         assert b"204" in await asyncio.wait_for(reader.readline(), 5.0)
@@ -97,6 +99,75 @@ async def test_what_is_sent_on_a_connection_does_not_wait_for_more() -> None:
 async def test_a_server_that_is_told_to_end_does_not_die() -> None:
     told: list[BaseException] = []
     on_failure: Callable[[BaseException], None] = told.append
-    async with Serving(None, "127.0.0.1", 0, "view", on_failure, lifespan="off"):
+    async with Serving(None, "127.0.0.1", 0, "view", 8, on_failure, lifespan="off"):
         await asyncio.sleep(0.05)
     assert told == []
+
+
+REQUEST = b"GET / HTTP/1.1\r\nHost: here\r\n\r\n"
+Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+async def nothing(_scope: Any, _receive: Any, send: Any) -> None:
+    await send({"type": "http.response.start", "status": 204, "headers": []})
+    await send({"type": "http.response.body"})
+
+
+async def answer(connection: Connection) -> bytes:
+    """The first line of what is answered; empty if the connection has ended."""
+    connection[1].write(REQUEST)
+    return await first_line(connection)
+
+
+async def first_line(connection: Connection) -> bytes:
+    try:
+        return await asyncio.wait_for(connection[0].readline(), 5.0)
+    except ConnectionResetError:
+        return b""
+
+
+async def test_connections_beyond_the_most_end_though_they_never_ask() -> None:
+    async with Serving(nothing, "127.0.0.1", 0, "api", 3, lifespan="off") as serving:
+        some = [await asyncio.open_connection("127.0.0.1", serving.port) for _ in range(6)]
+        assert [await first_line(each) for each in some[3:]] == [b""] * 3
+        assert len(serving._server.server_state.connections) == 3
+        assert b"503" in await answer(some[2])
+        assert b"204" in await answer(some[0])
+        assert serving._server.config.backlog == BACKLOG
+        for _, writer in some:
+            writer.close()
+
+
+@pytest.mark.parametrize("begins_with", [b"", REQUEST])
+async def test_a_connection_that_never_ends_a_head_is_closed(
+    monkeypatch: pytest.MonkeyPatch, begins_with: bytes
+) -> None:
+    monkeypatch.setattr(serving_module, "HEAD_S", 0.2)
+
+    async def dribble(writer: asyncio.StreamWriter) -> None:
+        writer.write(begins_with + b"GET / HTTP/1.1\r\nHost: here\r\nX: ")
+        while not writer.is_closing():
+            writer.write(b"x")
+            await asyncio.sleep(0.02)
+
+    async with Serving(nothing, "127.0.0.1", 0, "api", 8, lifespan="off") as serving:
+        reader, writer = await asyncio.open_connection("127.0.0.1", serving.port)
+        dribbling = asyncio.create_task(dribble(writer))
+        with contextlib.suppress(ConnectionResetError):
+            await asyncio.wait_for(reader.read(), 5.0)
+        dribbling.cancel()
+        assert not serving._server.server_state.connections
+        writer.close()
+
+
+async def test_a_request_that_takes_long_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving_module, "HEAD_S", 0.02)
+
+    async def slow(scope: Any, receive: Any, send: Any) -> None:
+        await asyncio.sleep(0.3)
+        await nothing(scope, receive, send)
+
+    async with Serving(slow, "127.0.0.1", 0, "api", 8, lifespan="off") as serving:
+        connection = await asyncio.open_connection("127.0.0.1", serving.port)
+        assert b"204" in await answer(connection)
+        connection[1].close()

@@ -166,3 +166,15 @@ def test_a_new_sender_is_heard_when_many_were_long_ago():
     (late,) = frames(attitude(other))
     assert ours.verify(late)
     assert not hears(0, UNITS)  # forgotten, and too old for a new one
+
+
+@pytest.mark.parametrize("timestamp", [2**48 - 2, 2**48 - 2**32])
+def test_a_timestamp_that_none_can_come_after_is_refused_and_ours_go_on(timestamp):
+    ours = Signing(KEY, lambda: NOW_US)
+    (last,) = frames(attitude(peer(timestamp=timestamp)))
+    assert not ours.verify(last)
+    assert ours.counters.bad == 1
+    signed = [ours.sign(attitude(mavlink.MAVLink(None))) for _ in range(2)]
+    assert [frame.signed for frame in frames(b"".join(signed))] == [True, True]
+    (next_one,) = frames(attitude(peer()))
+    assert ours.verify(next_one)

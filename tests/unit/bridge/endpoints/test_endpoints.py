@@ -314,3 +314,23 @@ async def test_clients_of_one_port_are_heard_frame_by_frame() -> None:
 async def read_from(station: socket.socket) -> bytes:
     station.setblocking(False)
     return await asyncio.wait_for(asyncio.get_running_loop().sock_recv(station, 100), LONG_S)
+
+
+async def test_a_port_takes_so_many_hosts_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tcp, "HOSTS_MAX", 2)
+    endpoint = endpoint_of("tcpin:127.0.0.1:0")
+    seen = Seen(endpoint)
+    await endpoint.open()
+    try:
+        hosts = []
+        for _ in range(3):
+            hosts.append(await asyncio.open_connection("127.0.0.1", port_of(endpoint)))
+        with contextlib.suppress(ConnectionResetError):
+            assert await asyncio.wait_for(hosts[2][0].read(), LONG_S) == b""
+        assert (endpoint.hosts, endpoint.connections) == (2, 2)
+        hosts[1][1].write(b"x")
+        await seen.until(lambda: seen.data == b"x")
+    finally:
+        for _, writer in hosts:
+            writer.close()
+        await endpoint.close()

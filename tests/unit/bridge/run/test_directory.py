@@ -68,3 +68,12 @@ def test_a_path_that_is_no_utf8_is_refused_before_anything_is_flown(tmp_path: Pa
     with pytest.raises(OSError, match="is no path in UTF-8"):
         RunDirectory.create(parent, "made")
     assert not parent.exists()
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "5", '{"run": "x"}'])
+def test_what_is_no_description_of_a_run_is_told_with_its_file(run: RunDirectory, text: str) -> None:
+    (run.path / RUN_FILE).write_text(text)
+    with pytest.raises(ValueError, match=f"{RUN_FILE}: not the description of a run"):
+        _ = run.info
+    with pytest.raises(NoAccess, match="is no run"):
+        access_of(run.path, "observer")

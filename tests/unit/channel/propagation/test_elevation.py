@@ -4,6 +4,7 @@ import importlib.util
 import math
 import runpy
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -253,3 +254,21 @@ def test_a_path_is_as_seen_from_its_yaml(tmp_path):
     tree = seen_from(tmp_path, {"preset": "perfect", "propagation": {"model": "terrain", "file": "tile.tif"}})
     assert tree["propagation"]["file"] == str(tmp_path / "tile.tif")
     assert math.isfinite(HERE[0])
+
+
+@needs_rasterio
+def test_a_file_far_finer_than_the_grid_is_read_in_parts(tmp_path):
+    rasterio = importlib.import_module("rasterio")
+    file, count = tmp_path / "fine.tif", 6000
+    transform = rasterio.Affine(1e-5, 0.0, HERE[1] - 0.03, 0.0, -1e-5, HERE[0] + 0.03)
+    shape = {"height": count, "width": count, "count": 1, "dtype": "int16", "crs": "EPSG:4326"}
+    with rasterio.open(file, "w", driver="GTiff", transform=transform, tiled=True, SPARSE_OK=True, **shape):
+        pass  # zeros
+    tracemalloc.start()
+    try:
+        model = terrain(file, spacing_m=30.0, extent_m=2000.0).propagation
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert float(model.height_m(0.0, 0.0)) == -HERE[2]
+    assert peak_bytes < count * count * 8 / 4  # of all its points as numbers

@@ -50,8 +50,8 @@ NO_SCENARIOS = {
     "": ":1: a scenario is a mapping of keys to values",
     "name: [1": ":1: is not YAML: expected ',' or ']', but got '<stream end>'",
     "name: a\nseed: x": ":2: seed: has to be a whole number (got 'x')",
-    "name: a\nseed: !!bool maybe": ": is not YAML: 'maybe'",
-    "name: a\nseed: 2026-13-45": ": is not YAML: month must be in 1..12",
+    "name: a\nseed: !!bool maybe": ":2: is not YAML: 'maybe'",
+    "name: a\nseed: 2026-13-45": ":2: is not YAML: month must be in 1..12",
     "name: a\nseed: &a [*a]": ":2: an alias of what it is in",
     "name: \udcff": ": cannot be read: 'utf-8' codec can't decode byte 0xff in position 6: invalid start byte",
 }

@@ -398,3 +398,11 @@ def test_a_run_is_decided_anew_without_any_file_of_its_radio(tmp_path: Path) -> 
     shutil.rmtree(work)
     assert redecide(run).comparison.is_same
     assert redecide(run, radio="wifi-2.4").comparison.changed > 0
+
+
+def test_packets_that_cannot_be_told_apart_are_not_decided(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 20)
+    path = DELIVERIES.parquet_path(run)
+    pq.write_table(pq.read_table(path).take([0, 0, 1]), path)
+    with pytest.raises(ValueError, match=f"{path.name}: a packet has two rows"):
+        redecide(run)

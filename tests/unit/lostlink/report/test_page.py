@@ -12,12 +12,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from bridge.record.events import Report
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.flight.figure import CURVE_POINTS, draw_measured
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.reading.run import load_run
-from lostlink.report.content import _model, content_of
+from lostlink.report.content import KINDS, _model, content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
+from lostlink.report.page.words import NOTHING
 from lostlink.report.pictures.all import draw_all
 from lostlink.report.pictures.radio import draw_ages, told_of_delivery
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
@@ -330,3 +331,38 @@ def test_beside_an_emitter_that_is_heard_the_curve_is_what_was_predicted() -> No
     assert len(alone["distance_m"]) == CURVE_POINTS
     assert beside is not None
     assert (beside["distance_m"].tolist(), beside["probability_of_delivery"].tolist()) == ([50.0], [0.25])
+
+
+def test_places_that_are_no_numbers_are_dashes(content: dict[str, Any], pictures: dict[str, str]) -> None:
+    """A flight model may diverge, and tables may be edited."""
+    first, *others = content["nodes"]
+    text = page_of({**content, "nodes": [{**first, "farthest_m": None}, *others]}, pictures)
+    assert f"<td>{NOTHING}</td>" in re.sub(r"<td[^>]*>", "<td>", text)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("unfinished", -1),
+        ("sim_duration_s", []),
+        ("refused", "x"),
+        ("bins", "x"),
+        ("bins", [{}]),
+        ("bins", [{"distance_min_m": None, "distance_max_m": 1.0, "sent": 1, "delivered": 1}]),
+        ("checks", [{"name": "draws", "size": None}]),
+        ("checks", [{"name": "draws", "size": 1, "found": []}]),
+        ("unjudged", "x"),
+        ("expectations", [{}]),
+    ],
+)
+def test_a_summary_that_is_none_is_told_with_its_key(tmp_path: Path, key: str, value: object) -> None:
+    path = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")), 5)
+    (path / SUMMARY_FILE).write_text(json.dumps({key: value}))
+    with pytest.raises(ValueError, match=rf"{SUMMARY_FILE}: {key}: not what a run writes"):
+        content_of(load_run(path))
+
+
+def test_a_summary_that_says_nothing_of_something_has_a_page(tmp_path: Path) -> None:
+    path = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")), 5)
+    (path / SUMMARY_FILE).write_text(json.dumps(dict.fromkeys(KINDS)))
+    assert "What ran" in page_of(content_of(load_run(path)), {})

@@ -273,3 +273,12 @@ def test_a_writer_killed_at_any_moment_leaves_all_but_its_last_second(tmp_path: 
         assert (found["rx"] == np.where(seq % 2, "0", "1")).all()
         finish_tables(tmp_path)
         assert_same(read(tmp_path), found)
+
+
+@pytest.mark.parametrize("line", ["5", "[1, 2, 3]", '["mood", "good"]', "[" * 100_000, "nan"])
+def test_names_that_are_none_are_told_with_their_file(tmp_path: Path, line: str) -> None:
+    DeliveryWriter(tmp_path, ("0", "1"), Vocabulary()).close()
+    names = names_path(DELIVERIES.journal_path(tmp_path))
+    names.write_text(f"{line}\n")
+    with pytest.raises(TableError, match=names.name):
+        read(tmp_path)

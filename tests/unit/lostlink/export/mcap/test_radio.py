@@ -11,8 +11,10 @@ import pytest
 
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
+from bridge.record.tables.schema import TIME_MAX_NS
+from bridge.record.tables.truth import TRUTH
 from bridge.scenario.mcap import McapSettings
-from lostlink.export.mcap.export import write_mcap
+from lostlink.export.mcap.export import WINDOWS_MAX, write_mcap
 from lostlink.reading.run import load_run
 from lostlink.replay.player import Player
 from tests.unit.lostlink.export.mcap.files import read_mcap
@@ -95,3 +97,30 @@ def test_what_was_under_way_when_a_run_ended_in_its_first_tick_is_there(tmp_path
     read = read_mcap(tmp_path / "run.mcap")
     assert read.times_ns["/fates"] == read.times_ns["/links"] == [0]
     assert sum(read.messages["/links"][0].sent) == len(rows)
+
+
+def with_tick(run: Path, row: int, tick_ns: int) -> None:
+    """Write another tick into a row of the true states, as by hand."""
+    path = TRUTH.parquet_path(run)
+    table = pq.read_table(path)
+    ticks_ns = table["tick_ns"].to_pylist()
+    ticks_ns[row] = tick_ns
+    column = table.schema.get_field_index("tick_ns")
+    pq.write_table(table.set_column(column, "tick_ns", pa.array(ticks_ns)), path)
+
+
+def test_a_record_that_says_it_is_weeks_long_is_written_all_the_same(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+    with_tick(run, -1, TIME_MAX_NS)
+    windows: list[float] = []
+    write_mcap(run, tmp_path / "run.mcap", McapSettings(), windows.append)
+    assert len(windows) <= WINDOWS_MAX + 2
+
+
+@pytest.mark.parametrize("tick_ns", [-1, TIME_MAX_NS + 1])
+def test_times_that_no_run_has_are_told(tmp_path: Path, tick_ns: int) -> None:
+    run = flown(tmp_path / "run", scenario_of("perfect", NODES), 5)
+    with_tick(run, 0, tick_ns)
+    with pytest.raises(ValueError, match=f"truth.parquet: tick_ns {tick_ns}: has to be from 0"):
+        write_mcap(run, tmp_path / "run.mcap", McapSettings())
+    assert not (tmp_path / "run.mcap").exists()
