@@ -109,9 +109,7 @@ class CasePlan:
         functions = tuple(Function(place=place, name=name) for place, name in content["metrics"])
         dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
         made_of = MadeOf(**content["made_of"]) if content.get("made_of") else None
-        labels = (
-            content["labels"] if isinstance(content["labels"], dict) else {}
-        )  # once they were names alone
+        labels = content["labels"] if isinstance(content["labels"], dict) else {}  # names alone say nothing
         return cls(content["scenario"], functions, content["keep"], dirs, labels, made_of)
 
     @property

@@ -120,4 +120,6 @@ def is_of_one(group: Written, node_id: Written) -> bool:
 
 def is_left_out(group: Written, node_id: Written) -> bool:
     """Whether a node of a group is left out of it."""
-    return any(each.entry is None and str(each.node_id.content) == str(node_id.content) for each in group.of_one)
+    return any(
+        each.entry is None and str(each.node_id.content) == str(node_id.content) for each in group.of_one
+    )

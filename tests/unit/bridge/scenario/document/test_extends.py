@@ -237,7 +237,9 @@ def test_a_node_of_a_group_that_is_left_out_is_there_no_more(grouped: Path, node
     last.write_text(f"extends: mine.yaml\n{anew}")
     assert off(read_scenario(last)) == [node]
     last.write_text(f"extends: mine.yaml\nwithout: [{node}]\n")
-    with pytest.raises(ScenarioError, match=rf"last.yaml:2: without: no node of what is extended has id '?{node}'?$"):
+    with pytest.raises(
+        ScenarioError, match=rf"last.yaml:2: without: no node of what is extended has id '?{node}'?$"
+    ):
         read_scenario(last)
 
 
