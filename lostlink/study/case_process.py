@@ -261,7 +261,12 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         return None
     if flight.has_no_ports:
         raise PortsTaken(summary["error"])
-    _see_what_it_is_made_of(plan, scenario)
+    try:
+        _see_what_it_is_made_of(plan, scenario)
+    except StudyError:
+        if plan.keep == "none":
+            shutil.rmtree(run.path, ignore_errors=True)
+        raise
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
