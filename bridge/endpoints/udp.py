@@ -36,7 +36,8 @@ class _Udp(Endpoint, asyncio.DatagramProtocol):
 
     def write_all(self, pieces: Sequence[bytes]) -> None:
         """A datagram each."""
-        self._latest_bytes = 0
+        if pieces:  # of none nothing is refused
+            self._latest_bytes = 0
         for piece in pieces:
             self.write(piece)
 

@@ -326,10 +326,16 @@ def _git_commit(root: Path) -> str:
 
 
 def _git(root: Path, *arguments: str) -> bytes | None:
-    """What git says; None if it fails or is slow."""
+    """What git says of a checkout, whichever a hook that we run in is about; None if it fails or is slow."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    environment["GIT_OPTIONAL_LOCKS"] = "0"  # nobody's commit meets a lock of ours
     try:
         return subprocess.run(
-            ["git", "-C", str(root), *arguments], capture_output=True, timeout=GIT_TIMEOUT_S, check=True
+            ["git", "-C", str(root), *arguments],
+            capture_output=True,
+            timeout=GIT_TIMEOUT_S,
+            check=True,
+            env=environment,
         ).stdout
     except (OSError, subprocess.SubprocessError):
         return None

@@ -5,6 +5,7 @@ In 10.42.0.0/24, the default, UA 0 is 10.42.0.1 (as its MAVLink system id is 1),
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from ipaddress import IPv4Address, IPv4Network
 from typing import Final
@@ -72,8 +73,9 @@ def names_of(nodes: Iterable[Transceiver]) -> dict[str, str]:
         AddressMistake: a ground node's id is the name of another host.
     """
     found = {node.node: f"ua-{node.id}" if isinstance(node, Aircraft) else node.node for node in nodes}
+    hosts = Counter(name.lower() for name in (*found.values(), LOCALHOST))  # /etc/hosts knows no case
     for node_id, name in found.items():
-        if [*found.values(), LOCALHOST].count(name) > 1:
+        if hosts[name.lower()] > 1:
             raise AddressMistake(
                 f"node {node_id} has the name {name!r}, and so has another host: give it another id"
             )

@@ -19,9 +19,8 @@ class OutagePlan:
     def line(self) -> str:
         """What is off, for people."""
         who = f"node{'s' * (len(self.nodes) > 1)} {', '.join(self.nodes)}"
-        return (
-            f"{who}: off from {self.from_s:g} s to {'the end' if self.to_s is None else f'{self.to_s:g} s'}"
-        )
+        until = "the end" if self.to_s is None else f"{self.to_s:.12g} s"
+        return f"{who}: off from {self.from_s:.12g} s to {until}"
 
 
 def outages_of(scenario: Scenario) -> tuple[OutagePlan, ...]:

@@ -1,1 +1,1 @@
-"""A record read back: played tick by tick as the run was, or decided anew by another radio."""
+"""A record read back: played tick by tick as the run was."""

@@ -66,6 +66,9 @@ WARM = (
 )
 """What a case imports late."""
 FRAMES = "pandas"
+OWN_WRITES = (
+    "; an agent that writes to a file that the scenario names does so in each run: it has self.directory"
+)
 TAKEN = 3
 """Status of a case's process whose run could not start (`PortsTaken`)."""
 
@@ -109,9 +112,7 @@ class CasePlan:
         functions = tuple(Function(place=place, name=name) for place, name in content["metrics"])
         dirs = AutopilotDirs(**{name: Path(said) for name, said in content["dirs"].items()})
         made_of = MadeOf(**content["made_of"]) if content.get("made_of") else None
-        labels = (
-            content["labels"] if isinstance(content["labels"], dict) else {}
-        )  # once they were names alone
+        labels = content["labels"] if isinstance(content["labels"], dict) else {}  # names alone say nothing
         return cls(content["scenario"], functions, content["keep"], dirs, labels, made_of)
 
     @property
@@ -263,13 +264,20 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         return None
     if flight.has_no_ports:
         raise PortsTaken(summary["error"])
-    _see_what_it_is_made_of(plan, scenario)
+    try:
+        _see_what_it_is_made_of(plan, scenario, "while it flew", OWN_WRITES)
+    except StudyError:
+        if plan.keep == "none":
+            shutil.rmtree(run.path, ignore_errors=True)
+        raise
     if summary["ending"] != Ending.FAILED:
         (directory / RUN_FOLDER).symlink_to(run.path.name)
     return run.path
 
 
-def _see_what_it_is_made_of(plan: CasePlan, scenario: Scenario) -> None:
+def _see_what_it_is_made_of(
+    plan: CasePlan, scenario: Scenario, when: str = "after the study was read", advice: str = ""
+) -> None:
     """See that files, packages and lostlink are still those that its id is of.
 
     Raises:
@@ -280,8 +288,8 @@ def _see_what_it_is_made_of(plan: CasePlan, scenario: Scenario) -> None:
     now = Looker().made_of(scenario)
     if now.id != plan.made_of.id:
         raise StudyError(
-            f"no result of this run, as something was changed after the study was read: "
-            f"{now.changes_since(plan.made_of)}; start the study again"
+            f"no result of this run, as something was changed {when}: {now.changes_since(plan.made_of)}; "
+            f"start the study again{advice}"
         )
 
 

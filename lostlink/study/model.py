@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from math import isfinite
 from pathlib import Path
+from sys import float_info
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError, field_validator
@@ -182,7 +182,7 @@ def _in_a_row(key: str, choices: Any) -> Any:
     """The numbers of a range, evenly from one to another, whole if all are and both ends are; others as they are."""
     if not isinstance(choices, Mapping) or len(choices) < 2 or not choices.keys() <= LIKE_A_RANGE:
         return choices
-    are_numbers = [type(each) in (int, float) and isfinite(each) for each in choices.values()]
+    are_numbers = [type(each) in (int, float) and abs(each) <= float_info.max for each in choices.values()]
     if not any(are_numbers):
         return choices
     if choices.keys() != RANGE or not all(are_numbers) or choices["count"] not in range(2, RUNS_MAX + 1):

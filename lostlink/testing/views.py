@@ -103,8 +103,8 @@ class RecordedNode:
         with suppress(OSError, ValueError):
             times_s, places = self._track(self._run.columns("truth", _TRACK))
             if row := int(np.sum(times_s <= self._extent.end_s)):
-                north_m, east_m, down_m = places[row - 1] + 0.0
-                place = f"{north_m:.1f} m N, {east_m:.1f} m E, {-down_m:.1f} m up"
+                north_m, east_m, up_m = np.round(places[row - 1] * (1.0, 1.0, -1.0), 1) + 0.0  # no -0.0
+                place = f"{north_m:.1f} m N, {east_m:.1f} m E, {up_m:.1f} m up"
                 return f"<{type(self).__name__} {self.node}: {place} at {times_s[row - 1]:.2f} s>"
         return f"<{type(self).__name__} {self.node}>"
 

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from bridge.scenario.document.files import file_seen_from
-from bridge.scenario.document.merge import is_of_one, merged, same_id
+from bridge.scenario.document.merge import is_left_out, is_of_one, merged, same_id
 from bridge.scenario.document.written import OfOne, Written, plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
@@ -103,12 +103,14 @@ def _left_of(base: Written, without: Written | None) -> Written:
         raise ScenarioError(f"{without.place}: {WITHOUT}: has to be a list of ids of nodes, as [1, gcs]")
     kept = nodes.items()
     for item in without.items():
-        groups = [place for place, node in enumerate(kept) if is_of_one(node, item)]
+        groups = [
+            place for place, node in enumerate(kept) if is_of_one(node, item) and not is_left_out(node, item)
+        ]
         if groups:
             group = kept[groups[0]]
             kept[groups[0]] = replace(group, of_one=(*group.of_one, OfOne(item, None)))
             continue
-        left = [node for node in kept if not same_id(node, item.content)]
+        left = [node for node in kept if is_of_one(node, item) or not same_id(node, item.content)]
         if len(left) == len(kept):
             raise ScenarioError(
                 f"{item.place}: {WITHOUT}: no node of what is extended has id {plain(item)!r}"

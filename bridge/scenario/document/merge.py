@@ -105,7 +105,10 @@ def _nodes(base: Written, over: Written) -> Written:
 def _place(nodes: list[Written], node: Written, node_id: Written) -> int | None:
     """Which of the nodes below is meant, or the group of it."""
     for place, below in enumerate(nodes):
-        if same_id(below, node_id.content) or (is_of_one(below, node_id) and not is_of_all(node)):
+        if is_of_one(below, node_id) and not is_of_all(node):
+            if not is_left_out(below, node_id):
+                return place
+        elif same_id(below, node_id.content):
             return place
     return None
 
@@ -113,3 +116,10 @@ def _place(nodes: list[Written], node: Written, node_id: Written) -> int | None:
 def is_of_one(group: Written, node_id: Written) -> bool:
     """Whether an id is that of a single node of a group."""
     return str(node_id.content) in ids_of(group)
+
+
+def is_left_out(group: Written, node_id: Written) -> bool:
+    """Whether a node of a group is left out of it."""
+    return any(
+        each.entry is None and str(each.node_id.content) == str(node_id.content) for each in group.of_one
+    )

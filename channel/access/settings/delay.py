@@ -39,7 +39,8 @@ class DelayMedium(Variant):
             value_s, lower_s = getattr(self, key), getattr(self, lower)
             if value_s < lower_s:
                 raise refused(f"has to be at least {lower}, {lower_s:g}, not {value_s:g}", key)
-        if self.least_s == self.median_s < self.most_s:
+        least_ns, median_ns, most_ns = self._delays_ns
+        if least_ns == median_ns < most_ns:
             raise refused(f"has to be above least_s, {self.least_s:g}, unless most_s is the same", "median_s")
         if 0.0 < self.bad_s < LEAST_S:
             raise refused(f"has to be 0, or at least {LEAST_S:g}, not {self.bad_s:g}", "bad_s")
@@ -51,7 +52,11 @@ class DelayMedium(Variant):
         return (self.good_s / (self.good_s + self.bad_s)) ** 2
 
     def _delay(self) -> WayDelay:
-        return WayDelay(*(round(each * NS_PER_S) for each in (self.least_s, self.median_s, self.most_s)))
+        return WayDelay(*self._delays_ns)
+
+    @property
+    def _delays_ns(self) -> tuple[int, int, int]:
+        return round(self.least_s * NS_PER_S), round(self.median_s * NS_PER_S), round(self.most_s * NS_PER_S)
 
     def open(self, surroundings: Surroundings) -> AccessMedium:
         """Make the medium."""

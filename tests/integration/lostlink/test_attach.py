@@ -239,9 +239,10 @@ def test_what_a_program_sends_by_its_end_is_sent_or_counted(attach: Attach) -> N
     attached.resume()
     status, _, err = ended(process)
     assert status == 0
+    held = 2000 if os.geteuid() == 0 else 500  # the length of a queue is for root to say
     assert err.splitlines()[-1] == (
-        "lostlink: 2000 packets sent (58000 bytes), 0 received (0 bytes), "
-        "100 dropped (came faster than they could be read)"
+        f"lostlink: {held} packets sent ({29 * held} bytes), 0 received (0 bytes), "
+        f"{2100 - held} dropped (came faster than they could be read)"
     )
 
 

@@ -54,6 +54,10 @@ EDITED = (
     "no result of this run, as something was changed after the study was read: other files (laws.py); "
     "start the study again"
 )
+EDITED_WHILE_IT_FLEW = (
+    "no result of this run, as something was changed while it flew: other files (laws.py); start the study again; "
+    "an agent that writes to a file that the scenario names does so in each run: it has self.directory"
+)
 
 pytestmark = pytest.mark.slow
 
@@ -83,9 +87,10 @@ def test_a_file_that_is_edited_after_a_run_is_no_other_runs(folder: Path) -> Non
 
 def test_a_file_that_is_edited_while_a_run_flies_makes_it_no_result(folder: Path) -> None:
     (folder / "study.yaml").write_text(
-        f"{STUDY}set: {{nodes.0.agent.options.edits: true}}\n", encoding="utf-8"
+        f"{STUDY}keep: none\nset: {{nodes.0.agent.options.edits: true}}\n", encoding="utf-8"
     )
     (row,) = study(folder)
-    assert row["failure"] == EDITED
+    assert row["failure"] == EDITED_WHILE_IT_FLEW
+    assert not list((folder / "mine" / "runs" / row["id"]).glob("*/"))
     (folder / "laws.py").write_text("GAIN = 2\n", encoding="utf-8")
     assert [row["standing"] for row in study(folder, "--dry-run")] == ["to fly"]

@@ -156,6 +156,10 @@ def test_commit_of_a_checkout_and_none_elsewhere(tmp_path: Path, monkeypatch: py
     (ours / "new").unlink()
     (ours / "f").write_text("2")
     assert _git_commit(tmp_path) == first
+    with monkeypatch.context() as hook:
+        hook.setenv("GIT_DIR", str(tmp_path / "other"))
+        hook.setenv("GIT_INDEX_FILE", str(tmp_path / "other" / "index"))
+        assert _git_commit(tmp_path) == first
     monkeypatch.setattr(
         provenance, "_git", lambda _, what, *__: commit.encode() if what == "rev-parse" else None
     )

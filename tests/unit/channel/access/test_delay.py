@@ -267,6 +267,7 @@ def test_rates_at_which_no_frame_ends_are_refused(rate_bps: float) -> None:
         ({"median_s": 0.01}, "median_s: has to be at least least_s, 0.02, not 0.01"),
         ({"most_s": 0.03}, "most_s: has to be at least median_s, 0.04, not 0.03"),
         ({"median_s": 0.02}, "median_s: has to be above least_s, 0.02, unless most_s is the same"),
+        ({"median_s": 0.02 + 4e-10}, "median_s: has to be above least_s, 0.02, unless most_s is the same"),
         ({"bad_s": 1e-9}, "bad_s: has to be 0, or at least 0.001, not 1e-09"),
         ({"rate_bps": 1e-4}, "rate_bps: has to be greater than or equal to 0.001"),
     ],

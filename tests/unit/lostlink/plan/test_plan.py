@@ -324,18 +324,20 @@ def test_an_outage_after_the_end_is_warned_of() -> None:
 
 
 def test_radio_outages_are_named_with_who_is_off_together(tmp_path: Path) -> None:
-    off = TEXT.replace("radio: {preset", "radio_off: [{from_s: 5, to_s: 7.5}, {from_s: 30}], radio: {preset")
+    off = TEXT.replace(
+        "radio: {preset", "radio_off: [{from_s: 5, to_s: 7.1234567}, {from_s: 30}], radio: {preset"
+    )
     off = off.replace("{id: 0, count: 3,", "{id: 0, count: 3, radio_off: [{from_s: 30}],")
     (tmp_path / "off.yaml").write_text(off)
     lines = checked(str(tmp_path / "off.yaml")).output.splitlines()
     at = lines.index("Radio outages")
     assert lines[at + 1 : at + 4] == [
-        "  node 9: off from 5 s to 7.5 s",
+        "  node 9: off from 5 s to 7.1234567 s",
         "  nodes 0, 1, 2, 9: off from 30 s to the end",
         "",
     ]
     assert json.loads(checked(str(tmp_path / "off.yaml"), "--json").output)["outages"] == [
-        {"nodes": ["9"], "from_s": 5.0, "to_s": 7.5},
+        {"nodes": ["9"], "from_s": 5.0, "to_s": 7.1234567},
         {"nodes": ["0", "1", "2", "9"], "from_s": 30.0, "to_s": None},
     ]
     assert "Radio outages" not in checked("separation").output

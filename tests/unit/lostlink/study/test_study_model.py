@@ -256,6 +256,10 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ),
         ("vary: {duration_s: {from: 1, to: 3, count: 1}}\n", "vary: .*a count of 2 or more"),
         ("vary: {duration_s: {from: 1, to: 3, count: 2.5}}\n", "vary: .*a count of 2 or more"),
+        (
+            f"vary: {{duration_s: {{from: 1, to: {10**400}, count: 3}}}}\n",
+            "vary: duration_s: from, to, count are not taken for labels",
+        ),
         ("vary: {duration_s: {from: 1, to: 1, count: 2}}\n", "vary: .*the value 1 more than once"),
         ("vary: {seed: [1, 2]}\n", "vary: .*seed is given by seeds:"),
         ("set: {seed: 5}\n", "set: .*seed is given by seeds:"),

@@ -13,7 +13,7 @@ from bridge.record.tables.schema import TableError
 from bridge.record.tables.states import STATES
 from lostlink.reading.run import load_run
 from lostlink.testing.flight import FleetFlight, UaOfFlight
-from lostlink.testing.views import Place, RecordedLink, RecordedNode
+from lostlink.testing.views import _PLACE, Place, RecordedLink, RecordedNode
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 
@@ -44,6 +44,14 @@ class Made:
             "fate": np.where(count % 2, "channel_erasure", "delivered").astype(object),
             "radio": np.where(count < 8, "main", "video").astype(object),
         }
+
+
+class Standing(Made):
+    """That record, with both nodes a little below and beside the origin."""
+
+    def columns(self, table, columns=None):
+        found = super().columns(table)
+        return found | {name: np.full_like(found[name], 0.04 if "down" in name else -0.04) for name in _PLACE}
 
 
 class Ticking(Made):
@@ -215,6 +223,8 @@ def test_what_an_assertion_shows_of_them():
     assert repr(link) == "<RecordedLink 0 -> 1: main 4 of 8 delivered; video 1 of 2 delivered>"
     assert repr(RecordedLink(Made(), "1", "0")) == "<RecordedLink 1 -> 0: nothing sent>"
     assert repr(RecordedNode(Made(), "1")) == "<RecordedNode 1: 100.0 m N, 0.0 m E, 20.0 m up at 10.00 s>"
+    standing = repr(RecordedNode(Standing(), "1"))
+    assert standing == "<RecordedNode 1: 0.0 m N, 0.0 m E, 0.0 m up at 10.00 s>"
     broken = Becoming(*[TableError("damaged")] * 2)
     assert repr(RecordedLink(broken, "0", "1")) == "<RecordedLink 0 -> 1>"
     assert repr(RecordedNode(broken, "1")) == "<RecordedNode 1>"

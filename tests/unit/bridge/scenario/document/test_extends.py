@@ -224,6 +224,25 @@ def test_a_node_of_a_group_is_changed_by_one_file_after_the_other(grouped: Path)
         read_scenario(grouped / "mine.yaml", {"nodes.3.count": 1})
 
 
+@pytest.mark.parametrize("node", ["3", "4", "mast-0"])
+def test_a_node_of_a_group_that_is_left_out_is_there_no_more(grouped: Path, node: str) -> None:
+    kind, still = "ground" if node == "mast-0" else "ua", "agent: {type: still}"
+    anew = f"nodes: [{{id: {node}, kind: {kind}, {still}, radio_off: [{{from_s: 3}}]}}]\n"
+    over = mine(grouped, f"without: [{node}]\n{anew}")
+    ids = [str(each.id) for each in read_scenario(over).transceivers]
+    assert sorted(ids) == ["0", "1", "3", "4", "5", "mast-0", "mast-1"]
+    assert off(read_scenario(over)) == [node]
+    mine(grouped, f"without: [{node}]\n")
+    last = grouped / "last.yaml"
+    last.write_text(f"extends: mine.yaml\n{anew}")
+    assert off(read_scenario(last)) == [node]
+    last.write_text(f"extends: mine.yaml\nwithout: [{node}]\n")
+    with pytest.raises(
+        ScenarioError, match=rf"last.yaml:2: without: no node of what is extended has id '?{node}'?$"
+    ):
+        read_scenario(last)
+
+
 def test_a_mistake_in_a_node_of_a_group_is_told_where_it_is_written(grouped: Path) -> None:
     with pytest.raises(ScenarioError, match=r"mine.yaml:2: nodes.4.radio_of: unknown key") as told:
         read_scenario(mine(grouped, "nodes: [{id: 4, radio_of: []}]\n"))
