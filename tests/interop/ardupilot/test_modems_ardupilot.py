@@ -14,6 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from bridge.record.names import from_autopilot
+from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from tests.integration.bridge.mavlink.scripted_station import Said, flown, messages, out_of
@@ -86,11 +87,21 @@ def test_all_parameters_take_half_a_minute(fly: Fly) -> None:
 
 
 def test_all_parameters_over_expresslrs_take_two_minutes(fly: Fly) -> None:
-    """As its documentation says of 900 MHz at 200 Hz: 1354 of 20 to 37 B at 466 B/s at most, and none is lost."""
+    """As its documentation says of 900 MHz at 200 Hz: 1354 of 20 to 37 B at 466 B/s at most.
+
+    Lost are those alone whose chunk the firmware damages: a repeated fragment that meets statistics.
+    """
     run = fly([(READY_S, mav.MAVLink_param_request_list_message(1, 1))], READY_S + 150, radio=ELRS)
     came = [(at_s, each) for at_s, each in out_of(run, "gcs", "PARAM_VALUE") if at_s > READY_S]
     listed = [(at_s, each) for at_s, each in came if each.param_index < each.param_count]
-    assert len({each.param_index for _, each in listed}) == listed[0][1].param_count > 900
+    rows = read_columns(run, DELIVERIES, ("radio", "tx", "fate"))
+    damaged = rows["fate"][
+        (rows["radio"] == "telemetry") & (rows["tx"] == "0") & (rows["fate"] != "delivered")
+    ]
+    assert set(damaged) <= {"channel_erasure"}
+    count = listed[0][1].param_count
+    assert len({each.param_index for _, each in listed}) + len(damaged) >= count > 900
+    assert len(damaged) <= 0.01 * count
     assert 100.0 < listed[-1][0] - listed[0][0] < 150.0
     told = out_of(run, "0", "RADIO_STATUS")
     assert {(each.get_srcSystem(), each.get_srcComponent()) for _, each in told} == {(255, 68)}
