@@ -171,6 +171,15 @@ class States:
             columns, {node: np.flatnonzero(columns["node"] == place) for place, node in enumerate(nodes)}
         )
 
+    def changes_ns(self, name: str) -> NDArray[np.int64]:
+        """Ticks, rising, at which a column of a node has another value than in its row before, or the first."""
+        found = [np.empty(0, dtype=np.int64)]
+        for rows in self.rows.values():
+            values = self.columns[name][rows]
+            is_new = np.concatenate((np.ones(min(1, rows.size), dtype=np.bool_), values[1:] != values[:-1]))
+            found.append(self.columns["tick_ns"][rows[is_new]])
+        return np.unique(np.concatenate(found))
+
     def at(self, node: str, sim_time_ns: int) -> AircraftState | None:
         """The newest state of a node at an instant, under its own stamp; None if there is none yet."""
         rows = self.rows[node]

@@ -23,12 +23,14 @@ class LoggedPanel:
     """
 
     def __init__(self, view: FleetView, changed: Callable[[], object]) -> None:
-        self._view = view
+        self._view, self._changed = view, changed
+        self._wanted: str | None = None
+        """What a viewer has chosen to be charted, also while it is not there: a record may be moved back."""
         names = {number: node.title for number, node in enumerate(view.nodes)}
         with ui.element("div").classes("ll-tools"):
             self._node = ui.select(names, value=0, label="node", on_change=lambda _: changed())
             self._node.props("dense options-dense").style("min-width:90px")
-            self._label = ui.select([], label="chart of", on_change=lambda _: changed())
+            self._label = ui.select([], label="chart of", on_change=lambda e: self._choose_label(e.value))
             self._label.props("dense options-dense").style("min-width:200px")
         self._table = table("Logged values", LOGGED_COLUMNS, "name").props("wrap-cells")
         self._words = ui.label().classes("ll-words")
@@ -39,6 +41,15 @@ class LoggedPanel:
         """Show what a node logged."""
         self._node.set_value(number)
 
+    def _choose_label(self, label: str | None) -> None:
+        self._wanted = label
+        self._changed()
+
+    def _follow_labels(self, labels: list[str]) -> None:
+        wanted = self._wanted
+        self._label.set_options(labels, value=wanted if wanted in labels else next(iter(labels), None))
+        self._wanted = wanted
+
     def refresh(self, look: Look | None) -> None:
         """Show what is known now; the chart if there is a ``look`` for it."""
         node = self._view.nodes[self._node.value].id
@@ -47,8 +58,7 @@ class LoggedPanel:
         self._words.set_text(f"{more} values under further names are not shown" if more else "")
         labels = list(self._view.logged.series[node])
         if labels != self._label.options:
-            kept = self._label.value if self._label.value in labels else next(iter(labels), None)
-            self._label.set_options(labels, value=kept)
+            self._follow_labels(labels)
         lines = self._lines()
         self._drawn.set_text(drawn_words(len(lines)))
         if look is not None:

@@ -9,15 +9,21 @@ from lostlink.view.page.charts import SERIES_COLOURS, STEPS
 _LIGHT: Final = (
     "--ll-ink:#1c2733;--ll-faint:#dde3e9;--ll-accent:#2b7bba;--ll-loss:#b3001b;--ll-ground:#fbfcfd;"
     "--ll-panel:#ffffff;--ll-page:#eef1f4;--ll-line:#c5ced7;--ll-bar:#22384d;--ll-plan:#8a5a00;"
+    "--ll-button:#1f6aa5;"
 )
 _DARK: Final = (
     "--ll-ink:#e4e9ee;--ll-faint:#2b343d;--ll-accent:#6fb3e8;--ll-loss:#ff6b7d;--ll-ground:#12171c;"
     "--ll-panel:#1a2027;--ll-page:#0d1115;--ll-line:#3a444e;--ll-bar:#16222e;--ll-plan:#f0b84a;"
+    "--ll-button:#6fb3e8;"
 )
 CSS: Final = f"""
 body {{ {_LIGHT} --ll-steps:{",".join(STEPS)}; --ll-nodes:{",".join(SERIES_COLOURS)};
-  background:var(--ll-page); color:var(--ll-ink); }}
+  --q-primary:var(--ll-button) !important; background:var(--ll-page); color:var(--ll-ink); }}
 body.body--dark {{ {_DARK} background:var(--ll-page); }}
+@layer quasar_importants {{ /* its `!important` stands over that of later layers, and of none */
+  body.body--dark .bg-primary {{ color:var(--ll-ground) !important; }}
+  .q-btn:focus-visible, .q-checkbox:focus-visible {{ outline:2px solid var(--ll-accent) !important; }}
+}}
 .nicegui-content {{ padding:0; gap:0; }}
 .ll-bar {{ background:var(--ll-bar); color:#fff; padding:6px 14px; gap:16px; align-items:center; flex-wrap:wrap; }}
 .ll-bar h1 {{ font-size:1rem; line-height:1.4; margin:0; font-weight:600; }}
@@ -42,7 +48,8 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
   display:flex; flex-direction:column-reverse; /* stays at its newest line, unless it is scrolled away */
   border-top:1px solid var(--ll-line); font-size:.85rem; }}
 .ll-said ol {{ list-style:none; margin:0 0 auto; padding:0; }}
-.ll-panel .q-tab {{ padding:0 9px; min-width:0; }}
+.ll-panel .q-tab {{ padding:0 5px; min-width:0; flex:none; }}
+.ll-panel .q-tabs__content {{ flex-wrap:wrap; }}
 .q-table__container {{ background:transparent; color:inherit; }}
 .q-table tbody td {{ font-variant-numeric:tabular-nums; }}
 .q-table--dense th, .q-table--dense td {{ padding:2px 5px !important; }}
@@ -52,6 +59,6 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-words {{ font-size:.9rem; }}
 .ll-emergency, .ll-alert, .ll-critical, .ll-error {{ color:var(--ll-loss); font-weight:600; }}
 .ll-warning {{ font-weight:600; }}
-*:focus-visible {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
+*:focus-visible, .q-field--focused {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
 @media (max-width: 900px) {{ .ll-main {{ grid-template-columns:1fr; height:auto; }} .ll-scene {{ min-height:420px; }} }}
 """

@@ -93,9 +93,9 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
 
 
 def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
-    words = [] if state is None else [state.mode] if state.armed else [state.mode, "disarmed"]
+    words = [] if state is None else [state.mode, "" if state.armed else "disarmed"]
     words += ["radio off"] if is_off else []
-    return ", ".join(words) or "-"
+    return ", ".join(filter(None, words)) or "-"  # before its first heartbeat an autopilot has no mode
 
 
 def node_words(view: FleetView, number: int) -> str:
@@ -123,6 +123,11 @@ def time_words(view: FleetView, *, is_record: bool) -> str:
     if view.still_s >= STILL_S:
         return f"{words}, stands still for {view.still_s:.0f} s"
     return f"{words}, {factor_text(view.clock.real_time_factor)} x real time"
+
+
+def place_words(view: FleetView) -> str:
+    """How far it is of how far it goes."""
+    return f"{view.sim_time_ns / 1e9:.1f} / {view.duration_s:.1f} s"
 
 
 def status_words(view: FleetView, *, is_record: bool) -> str:

@@ -6,6 +6,7 @@ import math
 
 from nicegui import ui
 
+from lostlink.view.page.tables import place_words
 from lostlink.view.picture.fleet_view import FleetView
 from lostlink.view.sources.time_control import TimeControl
 
@@ -34,7 +35,7 @@ class Timeline:
 
     def _build_place(self, time_control: TimeControl | None) -> ui.element:
         """The browser's own elements: keys and screen readers know them."""
-        longest_s = max(1.0, self._view.duration_s)
+        longest_s = max(STEP_S, self._view.duration_s)
         if time_control is None or not time_control.can_seek:
             bar = ui.element("progress").props(f'max={longest_s} value=0 aria-label="Sim time in seconds"')
             return bar.classes("ll-place")
@@ -88,7 +89,7 @@ class Timeline:
         if not self._is_dragged:
             self._place.props["value"] = round(seconds, 2)
             self._place.update()
-        self._words.set_text(f"{seconds:.1f} / {self._view.duration_s:.0f} s")
+        self._words.set_text(place_words(self._view))
         if self._time_control is not None:
             self._toggle.set_text("Go on" if self._view.clock.paused else "Pause")
             self._follow(self._view.clock.speed)

@@ -70,6 +70,8 @@ class LinkHistory:
         self._every, self._skipped = 1, 0
         self._distance_m = np.full((nodes, nodes), np.nan, dtype=np.float32)
         """[tx, rx]: of the latest packet that had one."""
+        self._silent: tuple[int, ...] = ()
+        """Nodes whose radios were off at the latest report."""
         self._bins: Floats = np.zeros((2, 1))
         self.reports = 0
         """How many there have been."""
@@ -85,7 +87,9 @@ class LinkHistory:
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
         change = np.where(np.isnan(new), 0.0, SMOOTH * (new - old))
         self.probability[tx, rx] = np.where(is_off, np.nan, np.where(np.isnan(old), new, old + change))
-        distance_m = np.where(is_off, np.float32(np.nan), self._places(tx, rx))
+        silent, self._silent = (*self._silent, *links.radio_off), tuple(links.radio_off)
+        was_off = np.isin(tx, silent) | np.isin(rx, silent)  # at either end of what is counted
+        distance_m = np.where(was_off, np.float32(np.nan), self._places(tx, rx))
         self._count(distance_m, np.nan_to_num(before), self._latest[4:, tx, rx])
         self._keep(links.header.stamp.ns / 1e9)
 

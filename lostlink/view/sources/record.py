@@ -9,6 +9,10 @@ import asyncio
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bridge.bus.messages import AgentStatus
 from lostlink.replay.moment import Moment
@@ -43,6 +47,8 @@ class RecordSource:
         self._from_ns, self._from_s = player.begin_ns, clock()
         self._trail_ns = -TRAIL_PERIOD_NS
         self._states_due_s = 0.0
+        self._changes = 0
+        """Of modes, by now."""
         self._states_are_lost = self._logged_is_lost = False
 
     # What viewers do.
@@ -75,7 +81,7 @@ class RecordSource:
         self._goal_ns = min(max(round(sim_time_s * 1e9), self._player.begin_ns), self._player.end_ns)
         if self._goal_ns < self._now_ns:
             self._view.forget()
-            self._trail_ns = -TRAIL_PERIOD_NS
+            self._trail_ns, self._changes = -TRAIL_PERIOD_NS, 0
             self._take(self._player.seek(self._player.begin_ns), in_a_hurry=True)
 
     # Playing.
@@ -156,22 +162,26 @@ class RecordSource:
         if not in_a_hurry or moment.sim_time_ns - self._trail_ns >= TRAIL_PERIOD_NS:
             self._trail_ns = moment.sim_time_ns
             view.take(moment.truths())
-        if not in_a_hurry and (again or self._clock() >= self._states_due_s):
-            self._states_due_s = self._clock() + STATES_PERIOD_S
-            self._take_states(moment, quietly=again)
+        self._take_states(moment, are_due=not in_a_hurry and (again or self._clock() >= self._states_due_s))
 
-    def _take_states(self, moment: Moment, *, quietly: bool) -> None:
-        """``quietly``: what has changed since the states that were taken last did so nobody knows when."""
+    def _take_states(self, moment: Moment, *, are_due: bool) -> None:
+        """The newest states, now and then; and at each tick at which a mode changes, which is told."""
         if self._states_are_lost:
             return
         try:
+            changes = int(np.searchsorted(self._modes_change_ns, moment.sim_time_ns, side="right"))
+            if not are_due and changes == self._changes:
+                return
+            self._changes, self._states_due_s = changes, self._clock() + STATES_PERIOD_S
             for node, state in moment.states().items():
-                if quietly:
-                    self._view.news[node].state = None
                 self._view.take(state, node)
         except (OSError, ValueError) as error:
             self._states_are_lost = True
             self._view.tell("", f"the states of autopilots cannot be read: {error}")
+
+    @cached_property
+    def _modes_change_ns(self) -> NDArray[np.int64]:
+        return self._player.record.states.changes_ns("mode")
 
     def _take_logged(self, moment: Moment) -> None:
         if self._logged_is_lost:

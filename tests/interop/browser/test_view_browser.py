@@ -196,8 +196,8 @@ def test_a_slider_that_was_put_back_moves_on(browser: Browser, record: Path) -> 
 
 
 def mission(tick: int) -> list[Said]:
-    """UA 1 estimates and plans once a second."""
-    if tick % 20:
+    """UA 1 estimates and plans once a second, from the first on."""
+    if tick % 20 or not tick:
         return []
     estimate = {"north_m": 20.0, "east_m": 30.0, "covariance_m2": [400.0, 0.0, 100.0], "readings": tick}
     plan = {"north_m": [0.0, 100.0, 80.0], "east_m": [0.0, 50.0, 90.0]}
@@ -237,13 +237,49 @@ def test_a_mission_is_seen(browser: Browser, tmp_path: Path) -> None:
         page.get_by_role("combobox", name="chart of").click()
         page.get_by_role("option", name="estimate.beacon: readings").click()
         label = "Logged number over sim time"
-        points = [[second, 20 * second] for second in range(10)]
+        points = [[second, 20 * second] for second in range(1, 10)]
         seen.wait("the chart", lambda: seen.chart(label).get("UA 1") == points)
+        slider.press("Home")
+        seen.wait("the beginning", lambda: not seen.chart(label).get("UA 1"))
+        slider.press("End")
+        seen.wait("the same chart", lambda: seen.chart(label).get("UA 1") == points)
         drawn = seen.pixels()
         page.get_by_role("checkbox", name="estimates, plans").click()
         seen.wait("no shapes, but UA 1 itself", lambda: 0 < seen.pixels() < drawn / 2)
         assert seen.hosts == {"127.0.0.1"}
         assert not seen.errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_buttons_are_read_and_show_that_they_have_the_focus(
+    browser: Browser, record: Path, scheme: str
+) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address, scheme)
+        page = seen.page
+        page.get_by_role("button", name="Show the whole fleet").focus()
+        page.keyboard.press("Tab")
+        zoom, chosen = (page.get_by_role("button", name=name, exact=True) for name in ("Zoom in", "Map"))
+        expect(zoom).to_be_focused()
+        expect(zoom).to_have_css("outline-style", "solid")
+        blue, paper = {
+            "light": ("rgb(31, 106, 165)", "rgb(255, 255, 255)"),
+            "dark": ("rgb(111, 179, 232)", "rgb(18, 23, 28)"),
+        }[scheme]
+        expect(zoom).to_have_css("color", blue)
+        expect(chosen).to_have_css("background-color", blue)
+        expect(chosen).to_have_css("color", paper)
+
+
+@pytest.mark.slow
+def test_tabs_of_a_narrow_page_do_not_cover_each_other(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        seen.page.set_viewport_size({"width": 400, "height": 800})
+        for tab in seen.page.get_by_role("tab").all():
+            assert tab.evaluate("tab => tab.scrollWidth <= tab.clientWidth")
+            assert right_of(tab) <= 400.0
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bridge.bus.messages import AircraftState
 from lostlink.view.page.charts import (
     DARK,
     LIGHT,
@@ -27,6 +28,7 @@ from lostlink.view.page.tables import (
     logged_rows,
     loss_rows,
     losses_words,
+    place_words,
     status_words,
     time_words,
 )
@@ -136,6 +138,19 @@ def test_the_fleet_in_words() -> None:
         ("delivered", 1),
         ("channel erasure", 1),
     ]
+
+
+def test_an_autopilot_has_no_mode_before_its_first_heartbeat() -> None:
+    view = view_of_two()
+    view.take(AircraftState(), "0")
+    assert fleet_rows(view)[0]["mode"] == "disarmed"
+
+
+def test_a_short_record_is_as_long_as_it_is() -> None:
+    view = view_of_two()
+    view.take(clock(0.4))
+    view.duration_s = 0.45
+    assert place_words(view) == "0.4 / 0.5 s"
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,8 @@ def test_packets_that_never_were_on_the_air_are_counted_where_the_link_was_last(
     history.take(links(0.2, 25.0, 0.0, 4, 4))
     history.take(links(0.4, np.nan, np.nan, 8, 5))
     history.take(replace(links(0.6, np.nan, np.nan, 12, 5), radio_off=(1,)))
-    history.take(links(0.8, 45.0, 0.0, 16, 9))
+    history.take(links(0.8, 45.0, 0.0, 16, 7))  # two before the radio was on again
+    history.take(links(1.0, 45.0, 0.0, 20, 11))
     bins = history.by_distance()
     assert bins.distance_m.tolist() == [1.5 * BIN_WIDTH_M, 2.5 * BIN_WIDTH_M]
     assert bins.sent.tolist() == [8, 4]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +106,43 @@ def test_what_is_said_is_said_at_its_tick(run: Path, is_sought: bool) -> None:
     told = {line.text: line.sim_time_ns for line in watched.view.lines if line.text.startswith("leg")}
     assert told["leg 40"] == 40 * TICK_NS
     assert told == {f"leg {tick}": tick * TICK_NS for tick in range(0, 20 * len(told), 20)}
+
+
+def watched_at(run: Path, speed: float) -> Watched:
+    """A record that was played to its end."""
+    watched = Watched(run)
+    watched.source.speed(speed)
+    watched.wait(0.1 + TICKS * 0.05 / speed)
+    return watched
+
+
+def sought(run: Path, *way: float) -> Watched:
+    """A record that was brought from one instant to the next."""
+    watched = Watched(run)
+    watched.source.pause()
+    for place in way:
+        watched.source.seek(place)
+        watched.source.play()
+    return watched
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        lambda run: watched_at(run, 1.0),
+        lambda run: watched_at(run, 10.0),
+        lambda run: watched_at(run, math.inf),
+        lambda run: sought(run, 9.0),
+        lambda run: sought(run, 9.0, 0.5, 2.0),
+    ],
+)
+def test_a_mode_is_told_when_it_changes(run: Path, seen: Callable[[Path], Watched]) -> None:
+    told = [
+        (line.sim_time_ns, line.node, line.text)
+        for line in seen(run).view.lines
+        if line.text.startswith("mode")
+    ]
+    assert told == [(1_000_000_000, node, "mode RTL") for node in ("0", "1")]
 
 
 @pytest.mark.parametrize("way", [(7.0,), (2.0, 7.0), (9.0, 7.0), (9.5, 1.0, 7.0)])
