@@ -131,7 +131,7 @@ def test_servo_outputs_stay_in_range_for_any_motion(
     gyro: list[float], force: list[float], position: list[float], velocity: list[float], attitude: list[float]
 ) -> None:
     made = autopilot(in_guided=True)
-    assert made.vehicle.mode.take_off(made.vehicle, 10.0)  # type: ignore[attr-defined]
+    assert made.vehicle.mode.take_off(10.0)  # type: ignore[attr-defined]
     imu = {"gyro": gyro, "accel_body": force}
     for index in range(12):
         frame = sensor_frame(
