@@ -6,9 +6,11 @@ import gc
 import lzma
 import os
 import re
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -102,13 +104,16 @@ def free_slot() -> Iterator[Callable[[int], int]]:
 
     It is locked until the test ends: another session of tests on this machine would find its ports free, too.
     """
-    candidates = iter(slots_of_this_process())
+    slots_of_tests = slots_of_this_process()
+    candidates, last = iter(slots_of_tests), max(slots_of_tests)
     with ExitStack() as held:
 
         def find(count: int) -> int:
-            slot = next(s for s in candidates if slot_is_free(s, count) and lock(range(s, s + count), held))
-            for _ in range(count - 1):
-                next(candidates)
-            return slot
+            for slot in candidates:
+                slots = range(slot, slot + count)
+                if slots[-1] <= last and slot_is_free(slot, count) and lock(slots, held):
+                    deque(islice(candidates, count - 1), maxlen=0)
+                    return slot
+            raise AssertionError(f"no {count} port slots in a row are free for tests up to {last}")
 
         yield find

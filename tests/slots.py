@@ -45,13 +45,13 @@ SLOTS, SLOTS_FOR_MANY = 80, 210
 below the daemons of `FIRST_SLOT`. More than three processes need more slots than that."""
 
 
-def slots_of_this_process() -> range:
-    """Slots that no other process of this session of tests uses."""
+def slots_of_this_process() -> list[int]:
+    """Those of all tests, from where no other process of this session begins; what another has is locked."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    size = (SLOTS if workers <= 3 else SLOTS_FOR_MANY) // workers
-    first = FIRST + worker * size
-    return range(first + os.getpid() % 3, first + size)
+    slots = range(FIRST, FIRST + (SLOTS if workers <= 3 else SLOTS_FOR_MANY))
+    first = worker * (len(slots) // workers) + os.getpid() % 3
+    return [*slots[first:], *slots[:first]]
 
 
 def lock(slots: Iterable[int], held: ExitStack) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.record.provenance import collect, write_provenance
 from lostlink.cli.main import main
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 from tests.warm import Command
@@ -53,6 +54,7 @@ def test_help_ends_well(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 @pytest.mark.slow
 def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str, ...], tmp_path: Path):
     run = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")))
+    write_provenance(collect({}), run)
     reads, writes = os.pipe()
     os.close(reads)
     ended = Command(*arguments, run, stdout=writes, stderr=subprocess.PIPE, text=True)
