@@ -427,6 +427,7 @@ def test_in_parallel_coupling_an_autopilot_that_boots_anew_starts_in_the_same_wa
 
 
 @mostly_in_one
+@pytest.mark.slow
 def test_in_parallel_coupling_a_mute_autopilot_is_let_go_and_flies_on_one_frame_behind(start_any):
     running = start_any(ids=(0, 1), coupling="parallel", stall_timeout_s=0.2)
     fly_together(running, 10)

@@ -203,7 +203,7 @@ def test_a_legacy_peer_is_quiet_at_a_tick_too(fly):
     assert last == [39, 40]
 
 
-@pytest.mark.parametrize("coupling", ["serial", "parallel"])
+@pytest.mark.parametrize("coupling", ["serial", pytest.param("parallel", marks=pytest.mark.slow)])
 def test_a_tick_that_is_held_for_long_answers_no_repeat_and_stalls_nobody(fly, coupling):
     """The loop cannot read while it is in the callback: what SITL sends again lies in the socket when it goes on."""
     held_at = (0, 50 * MS)

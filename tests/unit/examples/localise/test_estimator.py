@@ -60,6 +60,7 @@ def results() -> dict[str, Floats]:
     return dict(zip(("nees", "squared", "bound", "fine"), np.array(rows, dtype=float).T, strict=True))
 
 
+@pytest.mark.slow
 def test_the_error_is_as_large_as_the_covariance_says() -> None:
     low, high = stats.chi2(2 * RUNS).ppf([0.025, 0.975]) / RUNS
     assert low < np.mean(results()["nees"]) < high
