@@ -151,9 +151,8 @@ class Guard:
         given = SCHEME.sub("", headers.get("authorization", ""))
         if not given:  # a browser's WebSocket cannot send headers
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-            given = query.get("token", [""])[0].replace(
-                " ", "+"
-            )  # a token has no blanks, and a + may come as it is
+            # A token has no blanks, and a + may come as it is.
+            given = query.get("token", [""])[0].replace(" ", "+")
         return hmac.compare_digest(given.encode("utf-8"), self._config.token.encode("ascii"))
 
     def _limited(self, receive: Receive) -> Receive:

@@ -6,7 +6,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from channel.access.settings.delay import DelayMedium
+from channel.access.settings.medium import up_share_of
 from channel.config import RadioConfig
 from channel.link.paths import Geometry
 from channel.link.radio import Radio
@@ -35,7 +35,6 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
     radio = Radio(config)
     link = radio.link(length_bytes=length_bytes, **ends)
     delivery = radio.delivery(length_bytes=length_bytes, **ends)
-    medium = config.medium
     return {
         "radio": config.name,
         "description": config.description,
@@ -56,7 +55,7 @@ def link_report(config: RadioConfig, length_bytes: int | None = None, **ends: Un
         "base_loss": link.base_loss,
         "probability_of_delivery": float(delivery.probability),
         "probability_error_bound": float(delivery.error_bound),
-        "outage_share": 1.0 - medium.up_share if isinstance(medium, DelayMedium) else 0.0,
+        "outage_share": 1.0 - up_share_of(config.medium),
     }
 
 

@@ -156,6 +156,5 @@ def _in_a_thread(flight: Flight, dirs: AutopilotDirs) -> dict[str, Any]:
         flight.interrupt()
         raise
     finally:
-        wait(
-            [outcome]
-        )  # an interrupted `Thread.join` would take the thread for ended, and Python not wait for it
+        # An interrupted `Thread.join` would take the thread for ended, and Python not wait for it.
+        wait([outcome])

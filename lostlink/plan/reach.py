@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from channel.access.settings.base import Ideal
-from channel.access.settings.delay import DelayMedium
+from channel.access.settings.medium import up_share_of
 from channel.checks import FloatArray
 from channel.link.radio import Radio
 from channel.validity import OutsideValidityError
@@ -69,9 +69,7 @@ def reach_of(radio: Radio, payload_bytes: int) -> Reach:
 
 def _chances(radio: Radio, distances: FloatArray, payload_bytes: int) -> FloatArray:
     """The probability of delivery, with the outages of both ends' lines where the medium has some."""
-    medium = radio.config.medium
-    up_share = medium.up_share if isinstance(medium, DelayMedium) else 1.0
-    return up_share * radio.probability_of_delivery(distances, payload_bytes)
+    return up_share_of(radio.config.medium) * radio.probability_of_delivery(distances, payload_bytes)
 
 
 def _preamble(radio: Radio, payload_bytes: int, distances: FloatArray) -> PreambleReach | None:

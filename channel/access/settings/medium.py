@@ -48,6 +48,11 @@ def rate_mistake(settings: MediumSettings, first_bps: float, other_bps: float) -
     )
 
 
+def up_share_of(settings: MediumSettings) -> float:
+    """The share of packets that meet no outage of a medium, which the radio's probabilities know nothing of."""
+    return settings.up_share if isinstance(settings, DelayMedium) else 1.0
+
+
 def carriers_of(settings: MediumSettings) -> Carriers | None:
     """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
     found: Carriers | None = getattr(settings, "carriers", Carriers)()
