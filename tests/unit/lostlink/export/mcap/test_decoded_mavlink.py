@@ -1,7 +1,8 @@
-"""MAVLink by its fields, in the MCAP file: the numbers are those of the frames."""
+"""MAVLink by its fields, in the MCAP file, and its metadata: the numbers are those of the frames."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -39,3 +40,12 @@ def test_unsigned_numbers_of_64_bits_are_whole(tmp_path: Path) -> None:
     with AnyReader([path]) as bag:
         topics = [each for each in bag.connections if each.topic == topic]
         assert [bag.deserialize(raw, each.msgtype).uid for each, _, raw in bag.messages(topics)] == UIDS
+
+
+def test_a_directory_may_have_a_name_that_utf_8_has_not(tmp_path: Path) -> None:
+    folder, path = make_run(tmp_path / "run", version), tmp_path / "run.mcap"
+    scenario = read_scenario("separation")
+    (folder / "scenario.yaml").write_text(scenario.to_yaml(), encoding="utf-8")
+    other = folder.rename(tmp_path / os.fsdecode(b"r\xffn"))
+    write_mcap(other, path, scenario.mcap)
+    assert read_mcap(path).metadata["run"] == "r\ufffdn"
