@@ -19,7 +19,7 @@ import math
 import struct
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -151,6 +151,8 @@ def read_tlog(file: Path) -> Timed:
     if not out:
         raise AutopilotLogError(f"{file}: no MAVLink frames with times: not a .tlog")
     times_s = _in_order([time_s for time_s, _ in out])
+    if not times_s:
+        raise AutopilotLogError(f"{file}: its frames have no times before them: not a .tlog")
     middle_s = float(np.median(times_s))
     return [
         (time_s, frame)
@@ -172,7 +174,10 @@ def _frame_at(data: bytes, start: int) -> Frame | None:
 
 
 def _in_order(times_s: list[float]) -> list[float]:
-    """Return times that never fall: the fewest that stand in the way are put between their neighbours."""
+    """Return times that never fall: the fewest that stand in the way are put between their neighbours.
+
+    None at all if these are more than half: then there are no times, but other bytes in their place.
+    """
     last: list[float] = []
     """Of each length, the lowest end of a run that never falls."""
     ends: list[int] = []
@@ -186,6 +191,8 @@ def _in_order(times_s: list[float]) -> list[float]:
     while before[kept[-1]] >= 0:
         kept.append(before[kept[-1]])
     good = kept[::-1]
+    if 2 * len(good) < len(times_s):
+        return []
     ordered: list[float] = np.interp(np.arange(len(times_s)), good, np.array(times_s)[good]).tolist()
     return ordered
 
@@ -256,11 +263,20 @@ def _senders(sent: Path, frames: Timed, received: Path, sysid: int | None) -> tu
     rows = [(boot_s, *place) for _, boot_s, place in _positions(own, sysid)]
     if not rows:
         raise AutopilotLogError(f"{sent}: no GLOBAL_POSITION_INT of system {sysid}")
-    if any(later[0] < earlier[0] - 1.0 for earlier, later in pairwise(rows)):
-        raise AutopilotLogError(
-            f"{sent}: the clock of system {sysid} went back: it was booted anew; cut the log there"
-        )
+    _check_one_boot(sent, sysid, [boot_s for boot_s, *_ in rows])
     return _Track.of(rows), sysid
+
+
+def _check_one_boot(file: Path, sysid: int, boot_s: Sequence[float]) -> None:
+    """Refuse a log in which a system's time since boot begins again.
+
+    Raises:
+        AutopilotLogError: it does.
+    """
+    if any(later < earlier - 1.0 for earlier, later in pairwise(boot_s)):
+        raise AutopilotLogError(
+            f"{file}: the clock of system {sysid} went back: it was booted anew; cut the log there"
+        )
 
 
 def _systems_with_positions(frames: Timed) -> Counter[int]:
@@ -314,12 +330,14 @@ def _plausible(rows: list[tuple[float, float, float, float]]) -> list[tuple[floa
 
 def _clock_offset_s(stream: Timed, received: Path) -> float:
     """Return the receiver's time less the sender's time since boot, the median over what arrived."""
-    pairs = [time_s - boot_s for time_s, boot_s, _ in _positions(stream, stream[0][1].sysid)]
-    if not pairs:
+    sysid = stream[0][1].sysid
+    times = [(time_s, boot_s) for time_s, boot_s, _ in _positions(stream, sysid)]
+    if not times:
         raise AutopilotLogError(
-            f"{received}: no GLOBAL_POSITION_INT of system {stream[0][1].sysid}: nothing ties its clock to the sender's"
+            f"{received}: no GLOBAL_POSITION_INT of system {sysid}: nothing ties its clock to the sender's"
         )
-    return float(np.median(pairs))
+    _check_one_boot(received, sysid, [boot_s for _, boot_s in times])
+    return float(np.median([time_s - boot_s for time_s, boot_s in times]))
 
 
 def _packets(stream: Timed, end_s: float) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:

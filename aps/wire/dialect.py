@@ -95,6 +95,13 @@ def message_fields(frame: bytes) -> dict[str, Any]:
     return {name: getattr(message, name) for name in message.fieldnames}
 
 
+def unsigned_64_bit_fields(msg_id: int) -> frozenset[str]:
+    """Names of a known message's fields that are unsigned numbers of 64 bits, or arrays of them."""
+    message = mavlink.mavlink_map[msg_id]
+    types = zip(message.fieldnames, message.fieldtypes, strict=True)
+    return frozenset(name for name, kind in types if kind == "uint64_t")
+
+
 def enum_label(enum: str, value: int) -> str:
     """Label of an enum's value without the enum's name in front, e.g. ``DENIED`` for MAV_RESULT 2."""
     entry = mavlink.enums[enum].get(value)

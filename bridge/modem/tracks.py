@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from channel.csv_rows import rows_with_headings
 from channel.medium.medium import Medium
 
 NS_PER_S: Final = 1_000_000_000
@@ -114,12 +115,22 @@ def read_distances(file: Path) -> list[tuple[float, float]]:
         text = file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: no text in UTF-8 ({error})") from error
-    reader = csv.DictReader(io.StringIO(text, newline=""))
-    if not set(COLUMNS) <= set(reader.fieldnames or ()):
+    try:
+        rows = _distances(file, text)
+    except csv.Error as error:
+        raise ValueError(f"{file}: not a CSV of numbers: {error}") from error
+    if not rows:
+        raise ValueError(f"{file}: no row below the first line")
+    return rows
+
+
+def _distances(file: Path, text: str) -> list[tuple[float, float]]:
+    headings, read = rows_with_headings(io.StringIO(text, newline=""), COLUMNS)
+    if not set(COLUMNS) <= set(headings):
         raise ValueError(f"{file}:1: the first line has to name the columns {', '.join(COLUMNS)}")
     rows: list[tuple[float, float]] = []
-    for row in reader:
-        place = f"{file}:{reader.line_num}"
+    for number, row in read:
+        place = f"{file}:{number}"
         try:
             time_s, distance_m = (float(row[name] or "") for name in COLUMNS)
         except ValueError:
@@ -127,6 +138,4 @@ def read_distances(file: Path) -> list[tuple[float, float]]:
         if mistake := _mistake(time_s, distance_m, rows[-1][0] if rows else None):
             raise ValueError(f"{place}: {mistake}")
         rows.append((time_s, distance_m))
-    if not rows:
-        raise ValueError(f"{file}: no row below the first line")
     return rows

@@ -59,6 +59,11 @@ class RunInfo:
     radios: dict[str, str] = field(default_factory=dict)
 
 
+def name_in_utf8(path: Path) -> str:
+    """The name of a file or directory as texts can hold it: bytes that are no UTF-8 are U+FFFD."""
+    return os.fsencode(path.name).decode(errors="replace")
+
+
 def new_directory(parent: Path, name: str) -> Path:
     """Make ``<parent>/<name>``; a number is added if that is there already.
 

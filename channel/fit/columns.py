@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from channel.config import RadioConfig
 from channel.fit.flight_log import (
     ALL_RECEIVERS,
     BEFORE_THE_RADIO,
+    COLUMNS,
     MAIN,
     NO_OUTCOME,
     OF_A_RUN,
@@ -21,18 +22,6 @@ from channel.fit.flight_log import (
     links_of,
     read_csv_log,
     single_trials,
-)
-
-COLUMNS: Final = (
-    "distance_m",
-    "delivered",
-    "fate",
-    "length_bytes",
-    "rssi_dbm",
-    "tx",
-    "rx",
-    "radio",
-    "attempts",
 )
 
 
@@ -61,7 +50,7 @@ def read_parquet_log(file: Path, base: RadioConfig, network: str = MAIN) -> Flig
             present = [name for name in COLUMNS if name in parquet.schema_arrow.names]
             table = parquet.read(columns=present)
             columns = {name: np.asarray(table.column(name)) for name in present}
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, KeyError, OSError) as error:  # KeyError: a column that is there twice
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise FlightLogError(f"cannot read {file}: {reason}") from error
     return log_of_columns(columns, base, str(file), network)
@@ -88,6 +77,8 @@ def log_of_columns(
         raise FlightLogError(f"{place}: has no column distance_m")
     if not {"fate", "delivered"} & columns.keys():
         raise FlightLogError(f"{place}: {NO_OUTCOME}")
+    if not all(isinstance(each, str) for each in columns.get("fate", ())):
+        raise FlightLogError(f"{place}: fate: has to be a text in every row")
     if columns.keys() >= OF_A_RUN:
         mine = single_trials(columns["radio"], columns["attempts"], network, place)
         columns = {name: values[mine] for name, values in columns.items()}

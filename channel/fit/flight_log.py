@@ -15,9 +15,16 @@ from numpy.typing import NDArray
 from channel import checks
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
+from channel.csv_rows import rows_with_headings
 
 EARTH_RADIUS_M = 6_371_008.8
 POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("lat_deg", "lon_deg", "alt_m"))
+LAT_MAX_DEG, LON_MAX_DEG = 90.0, 360.0
+COLUMNS = (
+    *("distance_m", "delivered", "fate", "length_bytes", "rssi_dbm", "tx", "rx", "radio", "attempts"),
+    *POSITION_COLUMNS,
+)
+"""That are read, if they are there."""
 TRUE = frozenset({"1", "true", "yes", "delivered"})
 FALSE = frozenset({"0", "false", "no"})
 NOTHING = frozenset({"", "nan", "none", "null", "-"})
@@ -132,20 +139,19 @@ def read_flight_log(file: Path, default_length_bytes: int, network: str = MAIN) 
     """
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.DictReader(lines, skipinitialspace=True)
-            reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-            names = set(reader.fieldnames)
+            headings, read = rows_with_headings(lines, COLUMNS)
+            names = set(headings)
             if not names & {"delivered", "fate"}:
                 raise FlightLogError(f"{file}: {NO_OUTCOME}")
             rows = [
-                _row(row, names, default_length_bytes, f"{file}:{reader.line_num}")
-                for row in reader
+                _row(row, names, default_length_bytes, f"{file}:{number}")
+                for number, row in read
                 if not _lost_nowhere(row)
             ]
     except OSError as error:
         raise FlightLogError(f"cannot read {file}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise FlightLogError(f"{file}: not a CSV of text: {error}") from error
+        raise FlightLogError(f"{file}: cannot be read as a CSV: {error}") from error
     if not rows:
         raise FlightLogError(f"{file}: no rows")
     *columns, tx, rx, radio, attempts = (list(column) for column in zip(*rows, strict=True))
@@ -184,7 +190,7 @@ def _row(
     if "distance_m" in names:
         distance = _number(row, "distance_m", place)
     elif names.issuperset(POSITION_COLUMNS):
-        distance = _separation_m([_number(row, name, place) for name in POSITION_COLUMNS])
+        distance = _separation_m([_coordinate(row, name, place) for name in POSITION_COLUMNS])
     else:
         raise FlightLogError(f"{place}: needs distance_m, or {', '.join(POSITION_COLUMNS)}")
     if distance < 0.0:
@@ -225,6 +231,14 @@ def _number(row: Mapping[str, str | None], name: str, place: str) -> float:
         value = float("nan")
     if not np.isfinite(value):
         raise FlightLogError(f"{place}: {name} = {row.get(name)!r}: has to be a number")
+    return value
+
+
+def _coordinate(row: Mapping[str, str | None], name: str, place: str) -> float:
+    value = _number(row, name, place)
+    most = LAT_MAX_DEG if "_lat_" in name else LON_MAX_DEG if "_lon_" in name else np.inf
+    if abs(value) > most:
+        raise FlightLogError(f"{place}: {name} = {value:g}: has to be from {-most:g} to {most:g}")
     return value
 
 

@@ -22,6 +22,8 @@ M_PER_DEG = 111_318.84502145034
 MAX_POINTS = 16_000_000
 ROWS_AT_ONCE = 16
 """Of the grid; so much of the file is in memory."""
+LOWEST_M, HIGHEST_M = -12_000.0, 9_000.0
+"""Of the Earth, sea floor with it: other numbers are gaps that a file does not declare, or a wrong scale."""
 FEET = "ft", "foot", "feet"
 """In the names that files have for units of feet, in capitals or not."""
 
@@ -56,7 +58,8 @@ def read_elevation(file: Path, origin: TerrainOrigin, extent_m: float, spacing_m
     Bilinear between the file's points, with its scale and offset; kept until the file changes.
 
     Raises:
-        ElevationError: the file cannot be read, does not cover the square, has gaps in it, or heights in feet.
+        ElevationError: the file cannot be read, does not cover the square, has gaps in it, heights in feet, or such
+            as are nowhere on Earth.
     """
     try:
         return _read(file, file.stat().st_mtime_ns, origin, extent_m, spacing_m)
@@ -70,7 +73,7 @@ def _read(
 ) -> FloatArray:
     count = 2 * int(np.ceil(extent_m / spacing_m)) + 1
     if count * count > MAX_POINTS:
-        raise ElevationError(f"{count} by {count} points: at most {MAX_POINTS}; take a larger spacing_m")
+        raise ElevationError(f"{count:g} by {count:g} points: at most {MAX_POINTS}; take a larger spacing_m")
     axis = (np.arange(count) - count // 2) * spacing_m
     north, east = np.meshgrid(axis, axis, indexing="ij")
     lat_deg = origin.lat_deg + north / M_PER_DEG
@@ -125,6 +128,12 @@ def _bilinear_part(file: Path, data: Any, row: FloatArray, column: FloatArray) -
     if np.ma.is_masked(band) or not np.isfinite(band).all():
         raise ElevationError(f"{file}: has gaps within extent_m of the origin")
     heights_m = np.asarray(band) * data.scales[0] + data.offsets[0]
+    wrong_m = heights_m[~((heights_m >= LOWEST_M) & (heights_m <= HIGHEST_M))]
+    if wrong_m.size:
+        raise ElevationError(
+            f"{file}: has a height of {wrong_m[0]:g} m within extent_m of the origin, and Earth has {LOWEST_M:g} to "
+            f"{HIGHEST_M:g} m: see its nodata value, scale and offset"
+        )
     return interpolated(heights_m, row - top, column - left)
 
 

@@ -16,13 +16,18 @@ from typing import Any
 import numpy as np
 
 from channel.checks import FloatArray
+from channel.csv_rows import rows_with_headings
 
 AXES = ("north_m", "east_m", "height_m")
 GRID = ("rx_height_m", "rx_north_m", "rx_east_m")
 HDF5 = b"\x89HDF"
 CDF = b"CDF"
-BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError)
-"""What SciPy raises on files that are cut off or damaged."""
+READ = frozenset({*(f"{end}_{axis}" for end in ("tx", "rx") for axis in AXES), "gain_db"})
+"""The variables that are read: others may hold anything."""
+NUMBERS_MAX = 250_000_000
+"""Of a variable: a file of a few kB may say that it has any number."""
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError, RuntimeError)
+"""What SciPy and h5py raise on files that are cut off or damaged."""
 
 
 class GainFileError(ValueError):
@@ -79,7 +84,8 @@ def _classic(file: Path) -> tuple[dict[str, FloatArray], Any]:
     from scipy.io import netcdf_file
 
     with netcdf_file(file, mmap=False) as data:
-        columns = {name: _unpacked(each[:], vars(each)) for name, each in data.variables.items()}
+        found = {name: each for name, each in data.variables.items() if name in READ}
+        columns = {name: _unpacked(each[:], vars(each)) for name, each in found.items()}
         return columns, getattr(data, "frequency_hz", None)
 
 
@@ -87,8 +93,11 @@ def _hdf5(file: Path) -> tuple[dict[str, FloatArray], Any]:
     import h5py
 
     with h5py.File(file, "r") as data:
-        sets = {name: each for name, each in data.items() if isinstance(each, h5py.Dataset)}
-        columns = {name: _unpacked(each[...], each.attrs) for name, each in sets.items()}
+        found = {name: data[name] for name in READ if isinstance(data.get(name), h5py.Dataset)}
+        for name, each in found.items():
+            if (each.size or 0) > NUMBERS_MAX:
+                raise GainFileError(f"{file}: {name} has {each.size} numbers: at most {NUMBERS_MAX}")
+        columns = {name: _unpacked(each[...], each.attrs) for name, each in found.items()}
         return columns, data.attrs.get("frequency_hz")
 
 
@@ -113,6 +122,8 @@ def _from_columns(file: Path, columns: Mapping[str, FloatArray], frequency: Any)
     tx_m = np.stack([column(f"tx_{axis}") for axis in AXES], axis=-1)
     gain_db = np.where(np.isfinite(column("gain_db")), column("gain_db"), np.nan)
     frequency_hz = None if frequency is None else float(np.ravel(frequency)[0])
+    if frequency_hz is not None and not 0.0 < frequency_hz < np.inf:
+        raise GainFileError(f"{file}: frequency_hz = {frequency_hz:g}: has to be above 0")
     if gain_db.ndim == 2:
         rx_m = np.stack([column(f"rx_{axis}") for axis in AXES], axis=-1)
         return _checked(file, GainTable(tx_m, None, rx_m, gain_db, frequency_hz))
@@ -126,12 +137,13 @@ def _from_rows(file: Path) -> GainTable:
     names = (*(f"tx_{axis}" for axis in AXES), *(f"rx_{axis}" for axis in AXES), "gain_db")
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            rows = [
-                [float(row[name]) for name in names] for row in csv.DictReader(lines, skipinitialspace=True)
-            ]
-    except KeyError as error:
-        raise GainFileError(f"{file}: no column {error}; it needs {', '.join(names)}") from error
-    except (ValueError, TypeError, UnicodeDecodeError, csv.Error) as error:
+            headings, read = rows_with_headings(lines, names)
+            if missing := [name for name in names if name not in headings]:
+                raise GainFileError(f"{file}: no column {missing[0]!r}; it needs {', '.join(names)}")
+            rows = [[float(row[name] or "") for name in names] for _, row in read]
+    except GainFileError:
+        raise
+    except (ValueError, csv.Error) as error:
         raise GainFileError(f"{file}: not a CSV of numbers: {error}") from error
     if not rows:
         raise GainFileError(f"{file}: no rows")
@@ -158,6 +170,8 @@ def _checked(file: Path, table: GainTable) -> GainTable:
     if table.grid is not None:
         shape = (len(table.tx_m), *(len(axis) for axis in table.grid))
         for name, axis in zip(GRID, table.grid, strict=True):
+            if not np.all(np.isfinite(axis)):
+                raise GainFileError(f"{file}: {name} is not finite")
             if not np.all(np.diff(axis) > 0.0):
                 raise GainFileError(f"{file}: {name} has to rise")
     if table.gain_db.shape != shape:

@@ -38,7 +38,7 @@ READ = (
 READ_TIMEOUT_S = 60.0
 """Wall time that a NetCDF-4 file may take."""
 
-Attributes = Mapping[str, str | float]
+Attributes = Mapping[str, str | float | tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Variable:
     Attributes:
         name: in the file.
         dimensions: names of its dimensions, slowest first.
-        attributes: texts, and numbers (the first one of an array).
+        attributes: texts, and numbers (of an array the first one; of `missing_value` all).
         values: as stored, neither unpacked nor masked.
     """
 
@@ -166,8 +166,8 @@ def _dimension_names(dataset: Any) -> tuple[str, ...]:
     return tuple(dimension[0].name.lstrip("/") for dimension in dataset.dims)
 
 
-def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float]:
-    plain: dict[str, str | float] = {}
+def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float | tuple[float, ...]]:
+    plain: dict[str, str | float | tuple[float, ...]] = {}
     for name in READ:
         if name not in stored:
             continue
@@ -177,7 +177,8 @@ def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float]:
         elif isinstance(value, str):
             plain[name] = value
         elif np.size(value) and np.issubdtype(np.asarray(value).dtype, np.number):
-            plain[name] = float(np.ravel(value)[0])
+            numbers = np.ravel(value).astype(float).tolist()
+            plain[name] = tuple(numbers) if name == "missing_value" else numbers[0]
     return plain
 
 

@@ -37,6 +37,9 @@ MAY_BE_MISSING = "upward_air_velocity"
 WIND_MAX_MPS = 200.0
 """Faster air is a mistake: a fill value that the file does not declare, or wrong units or packing."""
 
+LATITUDE_MAX_DEG = 90.0 + 1e-4
+"""With the rounding of axes in single precision."""
+
 METRES = {
     "m": 1.0,
     "metre": 1.0,
@@ -183,6 +186,14 @@ class _Reader:
         steps = np.diff(values)
         if not (np.all(steps > 0) or np.all(steps < 0)):
             raise self._error(variable, "neither increases nor decreases")
+        if (
+            role == "y"
+            and variable.text("units").strip() in NORTH
+            and np.abs(values).max() > LATITUDE_MAX_DEG
+        ):
+            raise self._error(
+                variable, f"goes from {values.min():g} to {values.max():g}: latitudes are within 90"
+            )
         if role == "time" and " since " in variable.text("units"):
             values = values - values.min()
         return tuple(values.tolist())
@@ -239,7 +250,7 @@ class _Reader:
         missing = ~np.isfinite(stored)
         for attribute in ("_FillValue", "missing_value"):
             if attribute in variable.attributes:
-                missing |= stored == variable.attributes[attribute]
+                missing |= np.isin(stored, variable.attributes[attribute])
         count = int(missing.sum())
         if count:
             raise self._error(variable, f"has {count} values that are missing or not finite")
@@ -276,7 +287,8 @@ class _Reader:
         if any(in_degrees):
             raise WindError(f"{self._name}: units of y and x are {units}: needed are degrees or metres, both")
         try:
-            place = [float(self._file.attributes[f"origin_{what}"]) for what in ("latitude", "longitude")]
+            given = [self._file.attributes[f"origin_{what}"] for what in ("latitude", "longitude")]
+            place = [float(each) for each in given if not isinstance(each, tuple)]  # of missing_value alone
             return GeodeticPosition(place[0], place[1], 0.0)
         except (KeyError, ValueError) as error:
             raise WindError(

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +41,22 @@ def export_csv(run: Path, folder: Path) -> list[Path]:
 
 def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
     with whole_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
+        writer = csv.writer(
+            _Lines(file), lineterminator="\r\n"
+        )  # so that it quotes either of the two in a text
         writer.writerow(names)
         writer.writerows(rows)
     return path
+
+
+class _Lines:
+    """Takes lines that end with CR LF, and writes them with LF."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def write(self, line: str) -> None:
+        self._file.write(line.removesuffix("\r\n") + "\n")
 
 
 def _rows(run: Path, table: Table) -> Iterator[Sequence[Any]]:

@@ -52,7 +52,7 @@ def write_run(
     for name in _KEPT_FOLDERS:
         if (result.run / name).is_dir():
             on_progress(name, 0)
-            shutil.copytree(result.run / name, directory / name)
+            _copy_folder(result.run / name, directory / name)
     kept = [table for table in TABLES if table not in (DELIVERIES, ROUTES)]
     tables = (path for table in kept for path in table.files(result.run))
     for path in tables:
@@ -70,6 +70,19 @@ def write_run(
         routes.close()
     write_deliveries(result, directory, on_progress)
     return made
+
+
+def _copy_folder(folder: Path, to: Path) -> None:
+    """Copy a folder with all that is in it.
+
+    Raises:
+        OSError: of the first file that cannot be read or written.
+    """
+    try:
+        shutil.copytree(folder, to)
+    except shutil.Error as error:  # has them all
+        path, _, why = error.args[0][0]
+        raise OSError(f"{path}: {why}") from error
 
 
 def write_deliveries(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,24 @@ from bridge.scenario.resolve.sensing import emitters_of
 from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.summary import Timing, summarise, write_summary
 from lostlink.redecision.redecide import Redecision
-from lostlink.redecision.rewrite import OnProgress, write_run
+from lostlink.redecision.rewrite import OnProgress, check_is_free, write_run
 
 
 def write_whole_run(
     result: Redecision, directory: Path, on_progress: OnProgress = lambda _name, _rows: None
 ) -> dict[str, Any]:
-    """Write ``directory``; gives its summary. Arguments and errors as of `write_run`."""
+    """Write ``directory``; gives its summary. Arguments and errors as of `write_run`: nothing of it stays after one."""
+    check_is_free(directory)
+    try:
+        return _written(result, directory, on_progress)
+    except FileExistsError:  # somebody else has put there what it names
+        raise
+    except BaseException:
+        shutil.rmtree(directory, ignore_errors=True)
+        raise
+
+
+def _written(result: Redecision, directory: Path, on_progress: OnProgress) -> dict[str, Any]:
     was = RunDirectory(result.run).summary
     made = write_run(result, directory, on_progress)
     timing = Timing(was.get("sim_duration_s", 0.0), was.get("wall_duration_s", 0.0))

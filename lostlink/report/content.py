@@ -13,7 +13,7 @@ import numpy as np
 from bridge.record.names import as_seen_from
 from bridge.record.tables.deliveries import TRANSPORT
 from bridge.record.tables.truth import TRUTH
-from bridge.run.directory import SUMMARY_FILE
+from bridge.run.directory import SUMMARY_FILE, name_in_utf8
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import draws_are_shared
 from bridge.scenario.resolve.radio import common_radio
@@ -130,7 +130,7 @@ def _is_row(name: str, row: object) -> bool:
 def _run(run: Run) -> Content:
     scenario, summary = run.scenario, run.summary
     return {
-        "name": run.path.name,
+        "name": name_in_utf8(run.path),
         "scenario": scenario.name,
         "description": scenario.description,
         "seed": scenario.seed,

@@ -10,7 +10,7 @@ from typing import Final
 
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import RunDirectory, name_in_utf8
 from bridge.scenario.mcap import McapSettings
 from bridge.scenario.model import Scenario
 from lostlink.export.mcap.file import McapFile
@@ -89,7 +89,7 @@ def _end_of(run: Path) -> int:
 
 def _about(run: Path, scenario: Scenario, file: McapFile) -> dict[str, str]:
     found = {
-        "run": run.name,
+        "run": name_in_utf8(run),
         "scenario": scenario.to_yaml(),
         "left_out": json.dumps(dict(sorted(file.left_out.items()))),
     }

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from aps.wire.dialect import message_fields, message_name
+from aps.wire.dialect import message_fields, message_name, unsigned_64_bit_fields
 from aps.wire.framer import Framer
 from bridge.bus.messages import Header, Mavlink, encode
 from bridge.record import names
@@ -78,6 +78,8 @@ def _messages(entries: Iterator[Entry], file: McapFile, node: str, topic: str) -
             name = message_name(frame.msg_id)
             if name not in types:
                 kinds = {key: kind_of(value) for key, value in values.items()}
+                large = [key for key in unsigned_64_bit_fields(frame.msg_id) if kinds[key] == "integer"]
+                kinds |= dict.fromkeys(large, "unsigned")
                 types[name] = ValueType(f"lostlink_mavlink/msg/{type_name(name.lower())}", kinds)
                 file.schemas.add({types[name].name: types[name].definition})
             channel = file.channel(f"{topic}/{chunk(name)}", types[name].name, "mavlink")

@@ -14,15 +14,15 @@ from bridge.bus.messages.sequences import aligned, of_numbers
 TYPES: Final = {
     "number": "float64",
     "integer": "int64",
+    "unsigned": "uint64",
     "bool": "bool",
     "text": "string",
     "vector": "float64[]",
     "text_or_none": "string[<=1]",
 }
-_EMPTY: Final = {"number": math.nan, "integer": 0, "bool": False, "text": "", "vector": ()}
+_EMPTY: Final = {"number": math.nan, "integer": 0, "unsigned": 0, "bool": False, "text": "", "vector": ()}
 _AT_TIMES: Final = {"integer": "number", "bool": "number", "text": "text_or_none"}
-_FORMATS: Final = {"number": "d", "integer": "q", "bool": "?"}
-_INTEGER_MAX: Final = (1 << 63) - 1
+_FORMATS: Final = {"number": "d", "integer": "q", "unsigned": "Q", "bool": "?"}
 _WRITE_NUMBERS: Final = of_numbers("<", "d")[0]
 
 
@@ -97,8 +97,6 @@ def _piece(kind: str, value: Any, position: int) -> bytes:
         return aligned("<", "I")[position & 7].pack(len(text)) + text
     if kind == "vector":
         return _WRITE_NUMBERS([float(each) for each in value], position)
-    if kind == "integer":
-        value = max(-_INTEGER_MAX - 1, min(value, _INTEGER_MAX))  # MAVLink has unsigned numbers of 64 bits
     return aligned("<", _FORMATS[kind])[position & 7].pack(value)
 
 

@@ -222,6 +222,28 @@ def test_what_is_missing_is_said(tmp_path):
         read_link(ground, write_tlog(tmp_path / "twice.tlog", both), receiver_at=HOME)
 
 
+def test_a_reboot_in_the_log_of_the_receiver_is_said(tmp_path):
+    """The sender's own log may have one boot alone: a .bin always has."""
+    sender = Sender(1, 200)
+    later = [(t + 100.0, frame) for t, frame in Sender(1, 200).tlog(BOOT_AT_RECEIVER_S)]
+    received = write_tlog(tmp_path / "ground.tlog", sender.tlog(BOOT_AT_RECEIVER_S) + later)
+    sent = write_tlog(tmp_path / "ua.tlog", sender.tlog(0.0))
+    with pytest.raises(
+        AutopilotLogError, match=r"ground\.tlog: the clock of system 1 went back: it was booted anew"
+    ):
+        read_link(received, sent, receiver_at=HOME)
+
+
+def test_frames_without_times_are_no_tlog(tmp_path):
+    """As MAVProxy writes them in its .tlog.raw: bytes of frames would be taken for times."""
+    raw = tmp_path / "raw.tlog"
+    raw.write_bytes(b"".join(Sender(1, 400).frames))
+    with pytest.raises(
+        AutopilotLogError, match=r"raw\.tlog: its frames have no times before them: not a \.tlog"
+    ):
+        read_tlog(raw)
+
+
 def test_a_log_cut_off_or_damaged_in_the_middle_keeps_the_rest(tmp_path):
     file = write_tlog(tmp_path / "ua.tlog", Sender(1, 100).tlog(0.0))
     data = bytearray(file.read_bytes()[:-5])

@@ -53,6 +53,9 @@ def test_a_file_as_spreadsheets_write_it(tmp_path: Path) -> None:
         ("time_s,distance_m\n0,100\n0,200\n", r"away\.csv:3: 0 s does not come after 0 s"),
         ("time_s,distance_m\n0,-1\n", r"away\.csv:2: 0 s, -1 m: from 0 to 1e\+09 s and 1e\+09 m"),
         ("time_s,distance_m\n0,nan\n", r"away\.csv:2: "),
+        ("time_s,distance_m\n0,100,5\n", r"away\.csv: .* line 2 has 3 fields under 2 headings"),
+        ("time_s,distance_m,time_s\n0,100,5\n", r"away\.csv: .* it has 2 columns time_s"),
+        (f"time_s,distance_m\n{'9' * 200_000},1\n", r"away\.csv: .* field larger than"),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, text: str, said: str) -> None:

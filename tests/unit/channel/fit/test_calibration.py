@@ -351,6 +351,36 @@ def test_a_file_of_bytes_is_no_log(tmp_path):
         read_flight_log(log, 40)
 
 
+PLACES = "tx_lat_deg,tx_lon_deg,tx_alt_m,rx_lat_deg,rx_lon_deg,rx_alt_m,delivered"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("delivered,distance_m\n1,10\n1,12,5\n", r"log\.csv: .* line 3 has 3 fields under 2 headings"),
+        ("distance_m,delivered,distance_m\n1,1,100\n", r"log\.csv: .* it has 2 columns distance_m"),
+        (
+            f"{PLACES}\n401330000,-1052400000,5,401340000,-1052400000,5,1\n",
+            r"log\.csv:2: tx_lat_deg = 4.0133e\+08",
+        ),
+        (f"{PLACES}\n40,-105,5,40,-361,5,1\n", r"log\.csv:2: rx_lon_deg = -361: has to be from -360 to 360"),
+    ],
+)
+def test_what_would_be_read_as_something_else_is_refused(tmp_path, text, words):
+    log = tmp_path / "log.csv"
+    log.write_text(text)
+    with pytest.raises(FlightLogError, match=words):
+        read_flight_log(log, 40)
+
+
+def test_blanks_about_fields_and_empty_fields_behind_them_change_nothing(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("distance_m , fate,,\n 10 , delivered ,,\n20,no_position \n30,delivered,,,\n")
+    read = read_flight_log(log, 40)
+    assert read.distance_m.tolist() == [10.0, 30.0]
+    assert read.delivered.tolist() == [True, True]
+
+
 def test_packets_of_a_run_that_were_lost_nowhere_are_left_out(tmp_path):
     log = tmp_path / "deliveries.csv"
     log.write_text("distance_m, fate\n80.000,delivered\nnan,no_position\n90.000, out_of_range\n")

@@ -56,6 +56,8 @@ def test_names_may_be_a_dictionary_and_delivered_a_boolean(tmp_path):
         ({"distance_m": [1.0], "delivered": ["maybe"]}, "delivered"),
         ({"distance_m": [float("nan")], "fate": ["no_position"]}, "no rows"),
         ({"distance_m": [], "fate": []}, "no rows"),
+        ({"distance_m": [1.0, 2.0], "fate": ["delivered", None]}, "fate: has to be a text in every row"),
+        ({"distance_m": [1.0], "fate": [b"delivered"]}, "fate: has to be a text in every row"),
     ],
 )
 def test_what_is_no_log_is_refused_with_its_place(columns, words):
@@ -88,3 +90,10 @@ def test_a_file_that_is_no_parquet_is_refused(tmp_path):
     for name in ("a", "b"):
         with pytest.raises(FlightLogError, match=rf"cannot read .*{name}\.parquet"):
             read_log(tmp_path / f"{name}.parquet", load_radio("corrected"))
+
+
+def test_a_column_that_is_there_twice_is_refused(tmp_path):
+    columns = [pa.array([1.0]), pa.array([2.0]), pa.array([1])]
+    pq.write_table(pa.table(columns, ["distance_m", "distance_m", "delivered"]), tmp_path / "a.parquet")
+    with pytest.raises(FlightLogError, match=r"cannot read .*a\.parquet: .*distance_m"):
+        read_log(tmp_path / "a.parquet", load_radio("corrected"))

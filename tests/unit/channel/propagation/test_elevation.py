@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 import runpy
 import sys
 import tracemalloc
@@ -113,12 +114,12 @@ def test_an_srtm_tile(tmp_path):
 
 @needs_rasterio
 def test_a_grid_lies_where_a_runs_positions_lie(tmp_path):
-    """On ArduPilot's scale, 40 km about: a tile that rises by 1 m per 1e-6 degrees tells 0.1 m."""
+    """On ArduPilot's scale, 40 km about: a tile that rises by 1 m per 1e-4 degrees tells 11 mm."""
     import rasterio
 
     step = 0.01
     lat, lon = np.meshgrid(40.6331 - np.arange(101) * step, -105.8404 + np.arange(121) * step, indexing="ij")
-    height = (lat - HERE[0]) * 1e6 + (lon - HERE[1]) * 1e6
+    height = (lat - HERE[0]) * 1e4 + (lon - HERE[1]) * 1e4
     place = rasterio.Affine(step, 0.0, lon[0, 0] - step / 2, 0.0, -step, lat[0, 0] + step / 2)
     shape = {"width": 121, "height": 101, "count": 1, "dtype": "float64"}
     with rasterio.open(
@@ -128,8 +129,8 @@ def test_a_grid_lies_where_a_runs_positions_lie(tmp_path):
     ground = terrain(tmp_path / "slope.tif", (*HERE[:2], 0.0), extent_m=40e3, spacing_m=1000.0).propagation
     for north, east in ((40e3, 0.0), (-40e3, 40e3), (0.0, -40e3)):
         there = geodetic_from_ned(GeodeticPosition(*HERE), (north, east, 0.0))
-        rise = (there.lat_deg - HERE[0]) * 1e6 + (there.lon_deg - HERE[1]) * 1e6
-        assert float(ground.height_m(np.array(north), np.array(east))) == pytest.approx(rise, abs=0.1)
+        rise = (there.lat_deg - HERE[0]) * 1e4 + (there.lon_deg - HERE[1]) * 1e4
+        assert float(ground.height_m(np.array(north), np.array(east))) == pytest.approx(rise, abs=0.001)
 
 
 @needs_rasterio
@@ -248,6 +249,25 @@ def test_gaps_are_refused(tmp_path):
         new.write(heights, 1)
     with pytest.raises(PresetError, match=r"gaps\.tif: has gaps"):
         terrain(tmp_path / "gaps.tif")
+
+
+@needs_rasterio
+@pytest.mark.parametrize("gap", [-32768.0, 3.4e38])
+def test_gaps_that_a_file_does_not_declare_are_no_heights(tmp_path, gap):
+    def with_gap(heights):
+        heights = heights.astype("float32")
+        heights[60, 60] = gap
+        return heights
+
+    with pytest.raises(PresetError, match=rf"gaps\.tif: has a height of {re.escape(f'{gap:g}')} m"):
+        terrain(changed_tile(tmp_path / "gaps.tif", with_gap))
+
+
+@needs_rasterio
+def test_a_scale_that_is_none_is_told(tmp_path):
+    file = changed_tile(tmp_path / "scaled.tif", lambda heights: heights, scales=math.nan, offsets=0.0)
+    with pytest.raises(PresetError, match=r"scaled\.tif: has a height of nan m .* scale and offset"):
+        terrain(file)
 
 
 def test_a_path_is_as_seen_from_its_yaml(tmp_path):

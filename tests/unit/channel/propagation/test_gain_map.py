@@ -204,6 +204,10 @@ def test_a_list_of_receivers(tmp_path):
             b"tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db\n0,0,1,2,3,4,5\n0,0,1,2,3,4,6\n",
             "each pair",
         ),
+        (
+            b"tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db\n0,0,1,2,3,4,-70,5\n",
+            "line 2 has 8 fields under 7 headings",
+        ),
     ],
 )
 def test_files_that_are_no_maps_are_named(tmp_path, content, problem):
@@ -225,6 +229,51 @@ def test_maps_with_a_variable_too_few_or_of_another_shape(tmp_path):
     write_hdf5(tmp_path / "third.nc4", rx_north_m=NORTH[::-1])
     with pytest.raises(PresetError, match="rx_north_m has to rise"):
         radio(tmp_path / "third.nc4")
+
+
+def test_variables_beside_those_of_the_map_may_hold_anything(tmp_path):
+    write_hdf5(tmp_path / "map.nc4")
+    with h5py.File(tmp_path / "map.nc4", "a") as file:
+        file["history"] = "made by hand"
+        file["table"] = np.zeros(2, dtype=[("a", "i4"), ("b", "f4")])
+    assert read_gain_file(tmp_path / "map.nc4").gain_db.shape == (2, 2, 3, 2)
+
+
+def test_a_variable_that_is_said_to_be_vast_is_refused(tmp_path):
+    write_hdf5(tmp_path / "map.nc4")
+    with h5py.File(tmp_path / "map.nc4", "a") as file:
+        del file["gain_db"]
+        file.create_dataset("gain_db", (2, 1000, 1000, 1000), "f4", chunks=(1, 100, 100, 100))
+    assert (tmp_path / "map.nc4").stat().st_size < 20_000
+    with pytest.raises(GainFileError, match="gain_db has 2000000000 numbers"):
+        read_gain_file(tmp_path / "map.nc4")
+
+
+@pytest.mark.parametrize("frequency_hz", [0.0, -2.4e9, float("nan"), float("inf")])
+def test_a_carrier_that_cannot_be_is_refused(tmp_path, frequency_hz):
+    write_hdf5(tmp_path / "map.nc4")
+    with h5py.File(tmp_path / "map.nc4", "a") as file:
+        file.attrs["frequency_hz"] = frequency_hz
+    with pytest.raises(GainFileError, match=r"map\.nc4: frequency_hz = .*: has to be above 0"):
+        read_gain_file(tmp_path / "map.nc4")
+
+
+@pytest.mark.parametrize("height_m", [np.array([np.nan, np.nan]), np.array([10.0, np.inf])])
+def test_a_grid_that_is_not_finite_is_refused(tmp_path, height_m):
+    write_hdf5(tmp_path / "map.nc4", rx_height_m=height_m)
+    with pytest.raises(GainFileError, match="rx_height_m is not finite"):
+        read_gain_file(tmp_path / "map.nc4")
+
+
+def test_what_h5py_says_of_damage_is_an_error_of_the_file(tmp_path):
+    """It raises RuntimeError for some of it: here the size of an attribute's type."""
+    file = tmp_path / "damaged.nc4"
+    write_packed_hdf5(file)
+    data = bytearray(file.read_bytes())
+    data[data.index(b"scale_factor\0") + 21] = 0xFF
+    file.write_bytes(data)
+    with pytest.raises(GainFileError, match=r"damaged\.nc4: not a NetCDF file, or a broken one"):
+        read_gain_file(file)
 
 
 @pytest.mark.parametrize("write", [write_classic, write_hdf5])

@@ -347,6 +347,17 @@ def with_hole(name, values):
             {"attributes": {"v": {"missing_value": -999.0}}, "change": with_hole},
             "v: has 1 values that are missing",
         ),
+        (
+            {"attributes": {"v": {"missing_value": np.array([-99.0, -999.0])}}, "change": with_hole},
+            "v: has 1 values that are missing",
+        ),
+        (
+            {
+                "axes": {"y": [46.0, 91.0]},
+                "attributes": {"y": {"units": "degrees_north"}, "x": {"units": "degrees_east"}},
+            },
+            "variable y: goes from 46 to 91: latitudes are within 90",
+        ),
         ({"change": lambda n, v: v * np.nan}, r"variable \w: has 108 values that are missing or not finite"),
         ({"axes": {"member": [0.0, 1.0]}}, "variable member: is no axis of a wind map"),
         (

@@ -13,13 +13,16 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 
+from bridge.record import names
 from bridge.record.digests import digests
+from bridge.record.logged import LoggedValue, encode_logged
+from bridge.record.streams import Entry
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
 from lostlink.cli.records.export import export
-from tests.unit.bridge.record.runs import make_run
+from tests.unit.bridge.record.runs import RunContent, make_run
 from tests.unit.lostlink.export.mcap.files import read_mcap
 
 
@@ -52,6 +55,22 @@ def test_csv_of_a_run_that_ended_and_of_one_that_was_killed(tmp_path: Path, is_f
     assert len(rows) == 40
     assert (rows[3]["tick_ns"], rows[3]["node"], rows[3]["position_north_m"]) == ("50000000", "1", "1.05")
     assert float(rows[7]["position_north_m"]) == 0.15 + 1.0
+
+
+def test_texts_of_a_csv_may_have_any_character_that_ends_lines(tmp_path: Path) -> None:
+    texts = ["cr\rlf", "lf\ncr", "\r", "\r\n", "\n\r", "plain"]
+
+    def log(made: RunContent) -> None:
+        entries = [
+            Entry(50_000_000 * k, encode_logged(LoggedValue("said", text))) for k, text in enumerate(texts)
+        ]
+        made.streams[names.logged("0")] = entries
+
+    folder = make_run(tmp_path / "run", log)
+    assert run(folder, "--csv").exit_code == 0
+    with (folder / "logged.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["text"] for row in csv.DictReader(file)] == texts
+    assert (folder / "logged.csv").read_bytes().endswith(b",plain\n")
 
 
 def test_csv_goes_into_the_run_itself(tmp_path: Path) -> None:

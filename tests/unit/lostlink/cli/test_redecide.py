@@ -62,6 +62,19 @@ def test_the_page_says_how_python_sees_it(run: Path, capsys: pytest.CaptureFixtu
     assert "Check(name='certain fates'" in shown
 
 
+def test_of_a_directory_that_cannot_be_written_whole_nothing_stays(tmp_path: Path) -> None:
+    made, out = flown(tmp_path / "made", scenario_of("moon2020", NODES), 5), tmp_path / "out"
+    (made / "logs").mkdir(exist_ok=True)
+    (made / "logs" / "node-0.log").symlink_to("nothing")
+    result = redecide(made, "--out", out)
+    assert (result.exit_code, result.stdout) == (2, "")
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith(f"lostlink: {made / 'logs' / 'node-0.log'}: [Errno 2] No such file or directory")
+    assert not out.exists()
+    (made / "logs" / "node-0.log").unlink()
+    assert redecide(made, "--out", out, "--quiet").exit_code == 0
+
+
 def test_a_summary_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
     made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 5)
     (made / "summary.json").write_text("[]")
