@@ -41,9 +41,7 @@ def export_csv(run: Path, folder: Path) -> list[Path]:
 
 def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
     with whole_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(
-            _Lines(file), lineterminator="\r\n"
-        )  # so that it quotes either of the two in a text
+        writer = csv.writer(_Lines(file), lineterminator="\r\n")  # and so it quotes either of them in a text
         writer.writerow(names)
         writer.writerows(rows)
     return path
