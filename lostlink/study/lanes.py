@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import platform
 import signal
 import sys
@@ -139,6 +140,8 @@ class DaskLanes:
             from distributed import Client
         except ImportError as error:
             raise StudyError("--scheduler needs Dask: pip install 'lostlink[dask]'") from error
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told in our words
         try:
             asyncio.run(_meet(scheduler))
             self._client: Any = Client(scheduler, set_as_default=False)
