@@ -39,6 +39,11 @@ class _Worker:
     def __init__(self) -> None:
         self._process = start_process([sys.executable, "-P", "-m", "lostlink.study.case_process"])
 
+    @property
+    def is_there(self) -> bool:
+        """Whether it has not ended, as one that somebody kills."""
+        return self._process.poll() is None
+
     def fly(self, case: Path) -> bool:
         """Fly a case, and wait for it; returns whether the worker is of further use."""
         assert self._process.stdin is not None
@@ -76,6 +81,9 @@ class _Flights:
             if self._ended:
                 return
             worker = self._idle.pop(threading.get_ident(), None) or _Worker()
+            if not worker.is_there:
+                worker.close()
+                worker = _Worker()
             self._flying.add(worker)
         is_of_use = False
         try:

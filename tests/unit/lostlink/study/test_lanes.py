@@ -50,6 +50,19 @@ def test_on_this_machine(waiting: Path) -> None:
     assert not _leave(LocalLanes(1), waiting)
 
 
+def test_a_worker_that_is_killed_while_it_has_no_case_costs_none(tmp_path: Path) -> None:
+    cases = [tmp_path / name for name in ("one", "two")]
+    with LocalLanes(1) as lanes:
+        for case in cases:
+            case.mkdir()
+            assert [over for over in lanes.fly([case]) if over] == [case]
+            assert "plan.json" in (case / "log.txt").read_text()  # it was begun, and has none
+            for worker in psutil.Process().children():
+                if "lostlink.study.case_process" in worker.cmdline():
+                    worker.kill()
+                    psutil.wait_procs([worker])
+
+
 @pytest.mark.slow
 def test_on_a_dask_cluster(waiting: Path) -> None:
     distributed: Any = pytest.importorskip("distributed")
