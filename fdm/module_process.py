@@ -1,8 +1,9 @@
-"""Starts another program of this package."""
+"""Starts another program of this package, and says how a process ended."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -33,3 +34,11 @@ def start_module(
         env={**os.environ, "PYTHONPATH": os.pathsep.join((OURS, *filter(None, sys.path)))},
         start_new_session=own_session,
     )
+
+
+def how_it_ended(status: int) -> str:
+    """Exit status, or minus the signal that ended it, in words; real-time signals have numbers alone."""
+    if status >= 0:
+        return f"ended with status {status}"
+    names = {number.value: number.name for number in signal.Signals}
+    return f"was ended by {names.get(-status, f'signal {-status}')}"

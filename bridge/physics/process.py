@@ -27,6 +27,7 @@ def serve(run: RunDirectory) -> None:
     """Host the run's UA until a signal ends it."""
     with open_client(run.info.endpoint, run.credentials("physics"), timeout_s=START_S) as session:
         bus = ClockOnBus(session, run)
+        on_stop_signal(sys.exit)  # by an exception, so that workers that have just been started are ended
         dynamics = FlownDynamics(run, Report(run.path, "physics"), bus)
         started: queue.SimpleQueue[bool] = queue.SimpleQueue()  # whose put takes no lock that a get may hold
 

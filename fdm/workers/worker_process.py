@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import socket
 import subprocess
 import time
@@ -12,7 +11,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 
 from fdm.errors import WorkerError
-from fdm.module_process import start_module
+from fdm.module_process import how_it_ended, start_module
 from fdm.workers.worker_messages import Ended, Failed, Message, WorkerPlan
 
 
@@ -84,9 +83,7 @@ class WorkerProcess:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(1.0)
         status = self._process.returncode
-        if status is None:
-            return "has closed its connection"
-        return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+        return "has closed its connection" if status is None else how_it_ended(status)
 
 
 def end_all(workers: Sequence[WorkerProcess], timeout_s: float) -> dict[int, dict[str, int]]:

@@ -45,6 +45,7 @@ from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from bridge.scenario.resolve.sources import code_of
+from fdm.module_process import how_it_ended
 from lostlink.flight.flight import Flight, Silent
 from lostlink.reading.run import load_run
 from lostlink.study.made_of import Looker, MadeOf
@@ -69,8 +70,8 @@ FRAMES = "pandas"
 OWN_WRITES = (
     "; an agent that writes to a file that the scenario names does so in each run: it has self.directory"
 )
-TAKEN = 3
-"""Status of a case's process whose run could not start (`PortsTaken`)."""
+TAKEN, INTERRUPTED = 3, 4
+"""Status of a case's process whose run could not start (`PortsTaken`), and of one that was asked to end."""
 
 
 class PortsTaken(FleetError):
@@ -182,7 +183,7 @@ def fly_case(directory: Path) -> int:
             write_whole(directory / RESULT_FILE, _result(plan, {}, {}, _told(error, plan, directory)))
             return TAKEN if isinstance(error, PortsTaken) else 1
         if run is None:
-            return 1  # interrupted
+            return INTERRUPTED
         result = _measured(run, plan) | {"run": run.name}
         if plan.keep == "none" or (
             plan.keep == "failed" and not result["failure"] and result["metrics"]["passed"]
@@ -320,15 +321,25 @@ def fly_forked(directory: Path) -> None:
 
 def _is_to_fly_again(child: int, directory: Path) -> bool:
     """Wait for the process of a case; gives whether its run could not start for its ports."""
-    _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status) and os.WTERMSIG(status) not in ENDING:
-        text = f"its process was ended by {signal.Signals(os.WTERMSIG(status)).name}; see {LOG_FILE}"
-        write_whole(directory / RESULT_FILE, _result(CasePlan.read(directory), {}, {}, text))
-    return os.waitstatus_to_exitcode(status) == TAKEN
+    _, waited = os.waitpid(child, 0)
+    status = os.waitstatus_to_exitcode(waited)
+    if status != INTERRUPTED and -status not in ENDING:
+        _tell_end(directory, f"its process {how_it_ended(status)}; see {LOG_FILE}")
+    return status == TAKEN
+
+
+def _tell_end(directory: Path, how: str) -> None:
+    """What ended the process of a case is its result, if it left none and no other process has it in hand."""
+    with suppress(OSError), (directory / LOCK_FILE).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if read_result(directory) is None:
+            write_whole(directory / RESULT_FILE, _result(CasePlan.read(directory), {}, {}, how))
 
 
 def _be_a_case(directory: Path) -> int:
     np.random.seed()  # noqa: TID251
+    with Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), 0)  # what comes there are orders, for this process's parent
     with (directory / LOG_FILE).open("ab") as log:
         for standard in (1, 2):
             os.dup2(log.fileno(), standard)

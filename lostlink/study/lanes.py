@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import platform
 import signal
 import sys
 import threading
@@ -36,6 +38,11 @@ class _Worker:
 
     def __init__(self) -> None:
         self._process = start_process([sys.executable, "-P", "-m", "lostlink.study.case_process"])
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it has not ended, as one that somebody kills."""
+        return self._process.poll() is None
 
     def fly(self, case: Path) -> bool:
         """Fly a case, and wait for it; returns whether the worker is of further use."""
@@ -74,6 +81,9 @@ class _Flights:
             if self._ended:
                 return
             worker = self._idle.pop(threading.get_ident(), None) or _Worker()
+            if not worker.is_there:
+                worker.close()
+                worker = _Worker()
             self._flying.add(worker)
         is_of_use = False
         try:
@@ -138,9 +148,12 @@ class DaskLanes:
             from distributed import Client
         except ImportError as error:
             raise StudyError("--scheduler needs Dask: pip install 'lostlink[dask]'") from error
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told in our words
         try:
             asyncio.run(_meet(scheduler))
             self._client: Any = Client(scheduler, set_as_default=False)
+            self._scheduler = scheduler
         except (OSError, ValueError) as error:
             why = f"not within {DASK_PATIENCE_S} s" if isinstance(error, TimeoutError) else str(error)
             raise StudyError(f"no Dask scheduler answers at {scheduler}: {why}") from error
@@ -149,10 +162,19 @@ class DaskLanes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(
-            OSError, TimeoutError
-        ):  # the scheduler may be gone; a worker that ends takes its flights along
-            self._client.run(end_here, self._client.id)
+        if (
+            self._client.status == "running"
+        ):  # a worker that loses its scheduler ends, and takes its flights along
+            with suppress(
+                OSError, TimeoutError
+            ):  # a worker may be frozen, which the scheduler learns in minutes
+                self._client.sync(
+                    self._client._run,
+                    end_here,
+                    self._client.id,
+                    on_error="ignore",
+                    callback_timeout=DASK_PATIENCE_S,
+                )
         self._client.close()
 
     def fly(self, cases: Sequence[Path]) -> Iterator[Path | None]:
@@ -161,7 +183,7 @@ class DaskLanes:
         for case in cases:
             local: Future[Any] = Future()
             remote = self._client.submit(fly_here, self._client.id, str(case), pure=False, retries=1)
-            remote.add_done_callback(_passing_to(local))
+            remote.add_done_callback(_passing_to(local, self._scheduler))
             futures[local] = case
         return _as_completed(futures)
 
@@ -185,7 +207,15 @@ _here: dict[str, _Flights] = {}
 
 
 def fly_here(client: str, case: str) -> None:
-    """Fly the case of a directory in a process of its own, and wait for it: what a worker of a cluster does."""
+    """Fly the case of a directory in a process of its own, and wait for it: what a worker of a cluster does.
+
+    Raises:
+        StudyError: the directory is not there.
+    """
+    if not Path(case).is_dir():
+        raise StudyError(
+            f"{case} is not there on {platform.node()}: workers have to see the study's directory under the same path"
+        )
     _here.setdefault(client, _Flights()).fly(Path(case))
 
 
@@ -196,17 +226,21 @@ def end_here(client: str) -> None:
     flights.close()
 
 
-def _passing_to(local: Future[Any]) -> Callable[[Any], None]:
+def _passing_to(local: Future[Any], scheduler: str) -> Callable[[Any], None]:
     from distributed import KilledWorker
 
     def done(remote: Any) -> None:
+        if remote.status not in ("finished", "error"):
+            local.set_exception(
+                StudyError(f"the Dask scheduler at {scheduler} is lost, with what it had to fly")
+            )
+            return
         error = remote.exception() if remote.status == "error" else None
         if error is None or isinstance(error, KilledWorker):  # then it leaves no result
             local.set_result(None)
         else:
-            local.set_exception(
-                StudyError(f"a worker of the cluster cannot fly: {type(error).__name__}: {error}")
-            )
+            what = str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
+            local.set_exception(StudyError(f"a worker of the cluster cannot fly: {what}"))
 
     return done
 

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, Protocol
 
 from bridge.fleet.children.environment import environment_of
 from bridge.fleet.children.last_words import last_words
+from fdm.module_process import how_it_ended
 
 LEASH = Path(__file__).with_name("leash.py")
 LAST_WORDS = " ERROR lostlink: "
@@ -147,9 +148,7 @@ class Child:
     def how_it_ended(self) -> str:
         """Exit status or signal, in words."""
         status = self._process.returncode
-        if status is None:
-            return "still runs"
-        return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+        return "still runs" if status is None else how_it_ended(status)
 
     @property
     def why_it_ended(self) -> str:

@@ -11,6 +11,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -203,6 +204,25 @@ def test_a_signal_ends_everything_at_any_stage(start_run: StartRun, processes: s
     assert run.summary["ending"] == "interrupted"
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
+
+
+@pytest.mark.slow
+def test_a_signal_ends_workers_that_have_yet_to_begin(start_run: StartRun) -> None:
+    """They hold the ports of their UA."""
+    run = start_run("--set", "fdm.workers=2", processes="many", duration_s=LONG_S)
+    children: list[psutil.Process] = []
+    while run.process.poll() is None and sum(is_worker(child) for child in children) < 2:
+        with suppress(psutil.NoSuchProcess):
+            children = run.children()
+    assert run.stop(signal.SIGTERM) < ENDS_S
+    assert run.process.returncode == 128 + signal.SIGTERM, run.output.decode()
+    assert_nothing_is_left(run, children)
+
+
+def is_worker(process: psutil.Process) -> bool:
+    with suppress(psutil.NoSuchProcess):
+        return "fdm.workers.worker" in process.cmdline()
+    return False
 
 
 ON_A_TERMINAL = """\

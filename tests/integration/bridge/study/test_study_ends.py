@@ -26,6 +26,12 @@ class Mine(Agent):
             raise ArithmeticError("a mistake of mine")
         if sim_time_ns == 500_000_000 and self.options["does"] == "die":
             os.kill(os.getpid(), signal.SIGKILL)
+        if sim_time_ns == 500_000_000 and self.options["does"] == "die nameless":
+            os.kill(os.getpid(), 40)
+        if sim_time_ns == 500_000_000 and self.options["does"] == "leave":
+            os._exit(5)
+        if sim_time_ns == 500_000_000 and self.options["does"] == "ask":
+            input()
         if sim_time_ns == 500_000_000 and self.options["does"] == "break":
             Autopilot.step = broken
 """
@@ -45,7 +51,7 @@ schema: 1
 name: ends
 scenario: ends.yaml
 keep: all
-vary: {nodes.1.agent.options.does: [raise, die, break, nothing]}
+vary: {nodes.1.agent.options.does: [raise, die, die nameless, leave, ask, break, nothing]}
 """
 
 
@@ -63,17 +69,24 @@ def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
         "raise": "the agent of node 1 failed: ArithmeticError at a tick: a mistake of mine (mine.py:16); "
         "its log is logs/node-1.log",
         "die": "its process was ended by SIGKILL; see log.txt",
+        "die nameless": "its process was ended by signal 40; see log.txt",
+        "leave": "its process ended with status 5; see log.txt",
+        "ask": "the agent of node 1 failed: EOFError at a tick: EOF when reading a line (mine.py:24); "
+        "its log is logs/node-1.log",
         "break": "the run cannot go on: the stand-in of UA 0 cannot go on: "
         "ArithmeticError: a mistake of the stand-in",
         "nothing": "",
     }
     assert {does: row["sim_duration_s"] for does, row in cases.items()} == {
         "raise": 0.5,
-        "die": None,
+        **dict.fromkeys(("die", "die nameless", "leave"), None),
+        "ask": 0.5,
         "break": 0.5,
         "nothing": 0.8,
     }
-    where = {"raise": raised.parents[1], "die": folders["die"], "break": broken.parent}
+    (asked,) = folders["ask"].glob("*/logs/node-1.log")
+    where = {"raise": raised.parents[1], "ask": asked.parents[1], "break": broken.parent}
+    where |= {does: folders[does] for does in ("die", "die nameless", "leave")}
     assert all(
         f": {cases[does]['failure']} (in {folder})\n" in flown.stdout for does, folder in where.items()
     )

@@ -6,12 +6,14 @@ import fcntl
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import psutil
 import pytest
 
-from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes
+from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes, fly_here
+from lostlink.study.model import StudyError
 
 
 @pytest.fixture
@@ -48,6 +50,19 @@ def test_on_this_machine(waiting: Path) -> None:
     assert not _leave(LocalLanes(1), waiting)
 
 
+def test_a_worker_that_is_killed_while_it_has_no_case_costs_none(tmp_path: Path) -> None:
+    cases = [tmp_path / name for name in ("one", "two")]
+    with LocalLanes(1) as lanes:
+        for case in cases:
+            case.mkdir()
+            assert [over for over in lanes.fly([case]) if over] == [case]
+            assert "plan.json" in (case / "log.txt").read_text()  # it was begun, and has none
+            for worker in psutil.Process().children():
+                if "lostlink.study.case_process" in worker.cmdline():
+                    worker.kill()
+                    psutil.wait_procs([worker])
+
+
 @pytest.mark.slow
 def test_on_a_dask_cluster(waiting: Path) -> None:
     distributed: Any = pytest.importorskip("distributed")
@@ -78,3 +93,54 @@ def test_a_case_whose_workers_are_killed_is_over(waiting: Path) -> None:
         (worker,) = cluster.workers.values()
         psutil.Process(worker.pid).kill()
         assert next(case for case in over if case is not None) == waiting
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_lost_is_told(waiting: Path) -> None:
+    distributed: Any = pytest.importorskip("distributed")
+    with (
+        closing(
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+            )
+        ) as cluster,
+        DaskLanes(cluster.scheduler_address) as lanes,
+    ):
+        over = lanes.fly([waiting, waiting.with_name("next")])
+        assert next(found for _ in over if (found := _processes(waiting)))
+        address = cluster.scheduler_address
+        cluster.close()
+        with pytest.raises(
+            StudyError, match=f"^the Dask scheduler at {address} is lost, with what it had to fly$"
+        ):
+            list(over)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_frozen_keeps_nobody_from_leaving(
+    waiting: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed: Any = pytest.importorskip("distributed")
+    with closing(
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        )
+    ) as cluster:
+        with DaskLanes(cluster.scheduler_address) as lanes:
+            started = next(found for _ in lanes.fly([waiting]) if (found := _processes(waiting)))
+            (worker,) = cluster.workers.values()
+            frozen = psutil.Process(worker.pid)
+            frozen.suspend()
+            monkeypatch.setattr("lostlink.study.lanes.DASK_PATIENCE_S", 0.5)
+            left_s = monotonic()
+        left_s = monotonic() - left_s
+        frozen.resume()
+        assert not psutil.wait_procs(started, timeout=30)[1]  # its flight ends when it thaws
+    assert left_s < 20
+
+
+def test_a_worker_that_does_not_see_the_study_says_so(tmp_path: Path) -> None:
+    with pytest.raises(
+        StudyError, match=r"/gone is not there on .+: workers have to see the study's directory"
+    ):
+        fly_here("client", str(tmp_path / "gone"))
