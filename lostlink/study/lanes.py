@@ -162,12 +162,8 @@ class DaskLanes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if (
-            self._client.status == "running"
-        ):  # a worker that loses its scheduler ends, and takes its flights along
-            with suppress(
-                OSError, TimeoutError
-            ):  # a worker may be frozen, which the scheduler learns in minutes
+        if self._client.status == "running":  # workers that lose their scheduler end, with their flights
+            with suppress(OSError, TimeoutError):  # one may be frozen, which the scheduler learns in minutes
                 self._client.sync(
                     self._client._run,
                     end_here,
