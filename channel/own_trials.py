@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from channel.checks import FloatArray
 from channel.geometry import Path, path_at
-from channel.own_methods import LARGEST, Method, Numbers, OwnModelError
+from channel.own_methods import LARGEST, Method, Numbers, OwnModelError, real_numbers
 from channel.phy.error_model import Band
 
 DISTANCES_M: Final = (10.0, 100.0, 1000.0)
@@ -51,15 +52,16 @@ def _distances_of(path: Path) -> ArrayLike:
 class FadingRule:
     """`rule` of a fading: gains and weights, which are together 1."""
 
-    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave."""
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> tuple[FloatArray, FloatArray]:
+        """Return what it gave."""
         del given
         try:
-            gains_db, weights = (np.asarray(each, dtype=np.float64) for each in found)
+            gains_db, weights = map(real_numbers, found)
         except (TypeError, ValueError):
             raise OwnModelError(f"{called} gave {found!r}: has to give gains and weights") from None
         if not (gains_db.max(initial=-inf) <= LARGEST and abs(weights).max(initial=0.0) <= LARGEST):
             raise OwnModelError(f"{called} gave {gains_db} dB with weights {weights}: have to be numbers")
+        return gains_db, weights
 
     def tried(self, called: str, call: Callable[..., Any]) -> None:
         """Call it for a few elevations."""

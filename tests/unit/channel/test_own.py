@@ -107,7 +107,7 @@ def test_mistakes_are_named(mine, group, problem):
     [
         ("return path.distance_km", r"wrong\.py:7: AttributeError: .*a Path has frequency_hz, distance_m"),
         ("return 100.0", r"gave one number for \(3,\) of distance_m"),
-        ("return path.distance_m[:2]", r"gave an array of shape \(2,\) for \(3,\)"),
+        ("return path.distance_m[:2]", r"gave an array of float64 of shape \(2,\) for \(3,\)"),
         (
             "return np.log10(path.distance_m - 200.0)",
             "gave nan at distance_m 49.0306026885: has to be finite",

@@ -90,7 +90,7 @@ def own(tmp_path, kind, *bodies, **values):
         ("fading", ["return 0.0 * first", "return np.zeros(2), np.ones(2)"], "rule gave weights that are 2 together"),
         ("noise", ["return float('nan')"], "noise_floor_dbm gave nan at frequency_hz 2400000000"),
         ("noise", ["return np.zeros(3)"], r"noise_floor_dbm gave \(3,\) for \(\) of frequency_hz"),
-        ("antenna", ["return direction_frd"], r"towards_db gave an array of shape \(5, 3\) for \(5,\) of"),
+        ("antenna", ["return direction_frd"], r"towards_db gave an array of float64 of shape \(5, 3\) for \(5,\) of"),
         ("antenna", ["return direction_frd[:, 0] / 0"], r"towards_db gave inf at direction_frd \[1. 0. 0.\]"),
         ("antenna", ["return np.random.default_rng().normal(size=5)"], "towards_db gave something else for the same"),
         ("propagation", ["return -super().path_loss_db(path)"], r"path_loss_db gave -80.95 dB at 110.9 m: a loss is"),
@@ -143,6 +143,89 @@ def test_what_it_gives_later_names_its_class(tmp_path, kind, bodies, problem):
     medium.send(medium.packets(tx="a", seq=0, length_bytes=40, sim_time_ns=np.array([5])))
     with pytest.raises(OwnModelError, match=rf"^laws\.py:Own\.{problem}"):
         medium.settle()
+
+
+@pytest.mark.parametrize(
+    ("kind", "bodies", "line"),
+    [
+        ("propagation", ["path.distance_m[path.distance_m < 150.0] = 150.0"], 13),
+        ("shadowing", ["loss_db(self, z):\n        z *= 3.0\n        return z"], 13),
+        ("fading", ["return np.log(first, out=first)", RULE], 12),
+        ("antenna", ["direction_frd[..., 2] = 0.0"], 13),
+    ],
+)
+def test_what_it_is_given_is_to_be_read_only(tmp_path, kind, bodies, line):
+    values = {"sigma_db": 3.0} if kind == "shadowing" else {}
+    for _ in range(2):  # and the links with which models are tried stay as they are
+        with pytest.raises(PresetError, match=rf"laws\.py:{line}: ValueError: .* is read-only"):
+            presets.load_radio("corrected", own(tmp_path, kind, *bodies, **values))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return np.full(path.distance_m.shape, 103.25, dtype=np.float32)",
+        "return [103.25 for _ in path.distance_m]",
+        "return np.full(path.distance_m.shape, 103.25).astype(object)",
+        "return np.ma.masked_less(np.full(path.distance_m.shape, 103.25), 0.0)",
+    ],
+)
+def test_numbers_of_any_real_type_count_as_float64(tmp_path, body):
+    radio = Radio(presets.load_radio("corrected", own(tmp_path, "propagation", body)))
+    loss_db = radio.config.propagation.path_loss_db(radio.path([100.0, 500.0]))
+    assert (type(loss_db), loss_db.dtype, loss_db.tolist()) == (np.ndarray, np.float64, [103.25, 103.25])
+    assert radio.link([100.0, 500.0]).snr_db.dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("return super().path_loss_db(path) + 0j", r"gave an array of complex128 of shape \(3,\)"),
+        ("return super().path_loss_db(path).astype(str)", r"gave an array of <U\d+ of shape \(3,\)"),
+        ("return np.ma.masked_greater(super().path_loss_db(path), 85.0)", r"gave nan at distance_m 1001\.15"),
+    ],
+)
+def test_what_is_no_real_number_is_told(tmp_path, body, problem):
+    with pytest.raises(PresetError, match=rf"laws\.py:Own\.path_loss_db {problem}"):
+        presets.load_radio("corrected", own(tmp_path, "propagation", body))
+
+
+KEEPS = """
+from functools import cached_property
+import numpy as np
+from channel.variant import Variant
+from pydantic import PrivateAttr
+
+
+class Keeps(Variant):
+    exponent: float = 4.0
+    _decades: np.ndarray = PrivateAttr(default_factory=lambda: np.linspace(0.0, 7.0, 71))
+
+    @cached_property
+    def losses_db(self):
+        return 10.0 * self.exponent * self._decades
+
+    def path_loss_db(self, path):
+        return np.interp(np.log10(path.distance_m), self._decades, self.losses_db)
+"""
+
+
+def test_models_that_keep_arrays_are_equal_by_their_parameters(tmp_path):
+    (tmp_path / "laws.py").write_text(KEEPS)
+
+    def radio(**parameters):
+        law = {"class": f"{tmp_path}/laws.py:Keeps", **parameters}
+        return Radio(presets.load_radio("corrected", {"propagation": law}))
+
+    one, same, other = radio(), radio(), radio(exponent=3.0)
+    assert one.config == same.config
+    assert hash(one.config) == hash(same.config)
+    assert one.config != other.config
+    medium = Medium({"a": one, "b": same, "c": other}, seed=3, nodes=("a", "b", "c"))
+    for node, north_m in zip("abc", (0.0, 100.0, 200.0), strict=True):
+        medium.place(node, (north_m, 0.0, -40.0))
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=40))
+    assert np.isfinite(medium.settle().received_power_dbm).all()
 
 
 def test_link_and_check_name_the_class(tmp_path):
