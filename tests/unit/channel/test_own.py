@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from channel import own, presets
 from channel.link.radio import Radio
@@ -68,6 +69,18 @@ def test_it_survives_being_written_down(mine):
     assert presets.load_radio(
         "perfect", presets.seen_from(mine, {"propagation": {"class": "models/mine.py:Steep"}})
     )
+
+
+def test_what_is_written_down_of_it_is_what_was_given(mine):
+    """A relative path in a default would be another one as seen from where the radio is written."""
+    (mine / "models" / "mapped.py").write_text(
+        CODE.replace("exponent: float = 4.0", "file: str = 'town.json'\n    exponent: float = 4.0")
+    )
+    law = {"class": "models/mapped.py:Steep", "exponent": 5.0}
+    config = presets.load_radio("perfect", presets.seen_from(mine, {"propagation": law}))
+    again = presets.radio_from_mapping(yaml.safe_load(presets.radio_to_yaml(config)))
+    assert (again.propagation.file, again.propagation.exponent) == ("town.json", 5.0)
+    assert again == config
 
 
 def test_a_medium_uses_it(mine):
