@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from types import new_class
 from typing import Any, Final, Protocol, cast
 
@@ -167,6 +169,10 @@ def _to_read(given: Any) -> Any:
     return type(given)(*map(_to_read, given)) if hasattr(given, "_fields") else given
 
 
+def _field(name: str, model: Variant) -> Any:
+    return model.__dict__[name]
+
+
 def looked_at(
     found: type[Variant], label: str, base: type[Variant], methods: Mapping[str, Method]
 ) -> type[Variant]:
@@ -197,9 +203,17 @@ def looked_at(
     }
     own = {"__module__": found.__module__, "__qualname__": found.__qualname__, "__doc__": found.__doc__}
     calls = {name: watched(name, method) for name, method in methods.items() if hasattr(found, name)}
-    made = cast(type[Variant], new_class(found.__name__, (found,), {}, lambda body: body.update(own | calls)))
+    # a base has something under the name of a field, which would be its default, and as a property hide it
+    hidden = {name: field for name, field in found.model_fields.items() if hasattr(found, name)}
+    fields = {"__annotations__": {name: field.annotation for name, field in hidden.items()}, **hidden}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Field name", UserWarning)  # its author was told as it was loaded
+        bases, body = (found,), own | calls | fields
+        made = cast(type[Variant], new_class(found.__name__, bases, {}, lambda names: names.update(body)))
     for name, default in lacks.items():
         setattr(made, name, default)
+    for name in hidden:
+        setattr(made, name, property(partial(_field, name)))
     return made
 
 
@@ -216,6 +230,7 @@ def tried(
     """
     with np.errstate(all="ignore"), suppress(ChannelInputError):
         for name, method in methods.items():
-            method.tried(f"{label}.{name}", getattr(model, name))
+            if hasattr(model, name):
+                method.tried(f"{label}.{name}", getattr(model, name))
         if trial is not None:
             trial(model, label)

@@ -228,6 +228,96 @@ def test_models_that_keep_arrays_are_equal_by_their_parameters(tmp_path):
     assert np.isfinite(medium.settle().received_power_dbm).all()
 
 
+FIELDS = """
+from channel.fading.laws import CoherentFading
+from channel.fading.shadowing import NormalShadowing, PerPacketShadowing
+from channel.propagation.path_loss import FreeSpace, PathLossModel
+from pydantic import Field
+
+
+class Ground(PathLossModel):
+    has_ground: bool = True
+
+    def path_loss_db(self, path):
+        return FreeSpace().path_loss_db(path)
+
+
+class Lasting(PerPacketShadowing):
+    sigma_db: float = 6.0
+    decorrelation_m: float = Field(default=30.0, ge=0.0)
+    surroundings: str = "own"
+    shared_ends: float = 0.0
+    max_gain_db: float = 50.0
+    spread_db = property(lambda self: self.sigma_db if self.sigma_db else self.sigma)
+
+    def loss_db(self, standard_normal):
+        return -self.sigma_db * standard_normal
+
+    def chance_below(self, loss_db):
+        return NormalShadowing(sigma_db=self.sigma_db).chance_below(loss_db)
+"""
+
+
+def lasting(tmp_path, **values):
+    (tmp_path / "laws.py").write_text(FIELDS)
+    law = {"class": f"{tmp_path}/laws.py:Lasting", **values}
+    return presets.load_radio("wifi-2.4", {"shadowing": law, "fading": {"model": "none"}})
+
+
+@pytest.mark.filterwarnings("ignore:Field name:UserWarning")
+def test_a_field_counts_before_what_a_base_has_under_its_name(tmp_path):
+    config = lasting(tmp_path)
+    assert (
+        config.shadowing.decorrelation_m,
+        lasting(tmp_path, decorrelation_m=9.0).shadowing.decorrelation_m,
+    ) == (30, 9)
+    ours = {"model": "gudmundson", "sigma_db": 6.0, "decorrelation_m": 30.0, "surroundings": "own"}
+    ours |= {"shared_ends": 0.0}
+    powers = []
+    for radio in (config, presets.load_radio("wifi-2.4", {"shadowing": ours, "fading": {"model": "none"}})):
+        medium = Medium(Radio(radio), seed=3, nodes=("a", "b"))
+        medium.place("a", (0.0, 0.0, -40.0))
+        medium.place("b", (100.0, 0.0, -40.0))
+        medium.send(medium.packets(tx="a", seq=range(9), length_bytes=40))
+        powers.append(medium.settle().received_power_dbm)
+    assert len(set(powers[0])) == 1
+    assert np.array_equal(*powers)
+    ground = {"propagation": {"class": f"{tmp_path}/laws.py:Ground"}}
+    assert presets.load_radio("wifi-2.4", ground).propagation.has_ground is True
+
+
+@pytest.mark.filterwarnings("ignore:Field name:UserWarning")
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        (
+            {"decorrelation_m": 0.0},
+            r"laws\.py:Lasting\.decorrelation_m is 0\.0: has to be a number from 0\.001",
+        ),
+        ({"surroundings": "all"}, r"laws\.py:Lasting\.surroundings is 'all': has to be own or shared"),
+        ({"shared_ends": 0.6}, r"laws\.py:Lasting\.shared_ends is 0\.6: has to be a number from 0 to 0\.5"),
+        ({"sigma_db": 0.0}, r"laws\.py:21: AttributeError: 'Lasting' object has no attribute 'sigma'"),
+    ],
+)
+def test_what_a_shadowing_says_of_its_extent_is_looked_at(tmp_path, values, problem):
+    with pytest.raises(PresetError, match=f"shadowing: .*{problem}"):
+        lasting(tmp_path, **values)
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ("def gain_of_scatter_db(self, s, d, e): return np.nan * s.real", "gain_of_scatter_db gave nan at"),
+        ("def gain_of_scatter_db(self, s): return s.real", "gain_of_scatter_db: TypeError: .* positional arguments"),
+        ("max_gain_db = property(lambda self: 'x')", "max_gain_db is 'x': has to be a number"),
+    ],
+)  # fmt: skip
+def test_what_a_fading_may_have_is_looked_at(tmp_path, more, problem):
+    fading = own(tmp_path, "fading", "return 0.0 * first", f"{RULE}\n    {more}")
+    with pytest.raises(PresetError, match=rf"fading: laws\.py:Own\.{problem}"):
+        presets.load_radio("corrected", fading)
+
+
 def test_link_and_check_name_the_class(tmp_path):
     settings = own(tmp_path, GIVES_LATER[0][0], *GIVES_LATER[0][1])["propagation"]
     told = "laws.py:Own.path_loss_db gave nan at distance_m 9"
