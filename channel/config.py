@@ -28,6 +28,8 @@ from channel.own_trials import (
     NOISE,
     PROPAGATION,
     SHADOWING,
+    try_gain,
+    try_lasting,
     try_losses,
     try_mean_loss,
 )
@@ -75,7 +77,7 @@ Propagation = Annotated[
 Shadowing = Annotated[
     NoShadowing | OneSidedNormalShadowing | NormalShadowing | CorrelatedShadowing,
     Field(discriminator="model"),
-    *own_models("shadowing", *SHADOWING_METHODS, methods=SHADOWING),
+    *own_models("shadowing", *SHADOWING_METHODS, methods=SHADOWING, trial=try_lasting),
 ]
 Fading = Annotated[
     NoFading | Rayleigh | Rician | Nakagami,
@@ -89,6 +91,7 @@ Fading = Annotated[
         "coherence",
         "max_coherence_s",
         methods=FADING,
+        trial=try_gain,
     ),
 ]
 Antenna = Annotated[

@@ -84,9 +84,10 @@ def own_models(
         key = value._own_key if isinstance(value, Variant) else None
         if key is None:
             return others(value)
-        return dict([key]) | {
-            name: item for name, item in value.model_dump(mode="json").items() if name != "model"
-        }
+        given = value.model_dump(
+            mode="json", exclude_unset=True
+        )  # a default is its file's, a path in it, too
+        return dict([key]) | {name: item for name, item in given.items() if name != "model"}
 
     return WrapValidator(validate), WrapSerializer(serialize), OwnModels(group)
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from types import new_class
 from typing import Any, Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from channel.checks import ChannelInputError
+from channel.checks import ChannelInputError, FloatArray
 from channel.variant import Variant
 from sitl_configs.own_code import told
 
@@ -28,8 +30,8 @@ class OwnModelError(ValueError):
 class Method(Protocol):
     """What a method of a kind of model has to do."""
 
-    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave.
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> Any:
+        """Return what it gave, numbers as float64.
 
         Args:
             called: the method, with its class.
@@ -69,22 +71,23 @@ class Numbers:
     of_vectors: bool = False
     hint: str = ""
 
-    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave; not if its model calls it with other arguments."""
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> Any:
+        """Return what it gave as float64; as it is if its model calls it with other arguments."""
         if len(given) != len(self.trial):
-            return
+            return found
         elements = np.asarray(self.elements(*given))
         shape = self._shape(elements)
         try:
-            numbers = np.asarray(found, dtype=np.float64)
+            numbers = real_numbers(found)
             if numbers.shape != shape:
                 shape = np.broadcast_shapes(numbers.shape, shape)
         except (TypeError, ValueError):
-            what = f"an array of shape {found.shape}" if isinstance(found, np.ndarray) else repr(found)
+            is_array = isinstance(found, np.ndarray)
+            what = f"an array of {found.dtype} of shape {found.shape}" if is_array else repr(found)
             raise OwnModelError(f"{called} gave {what} for {shape} of {self.at}") from None
         low, high = self.low - ROUNDING, self.high + ROUNDING
         if not numbers.size or (numbers.min() >= low and numbers.max() <= high):
-            return
+            return numbers[()]
         numbers = np.broadcast_to(numbers, shape)
         elements = np.broadcast_to(elements, (*shape, *elements.shape[-1:]) if self.of_vectors else shape)
         place = tuple(np.argwhere(~((numbers >= low) & (numbers <= high)))[0])
@@ -134,14 +137,40 @@ class Made:
 
     of: type
 
-    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave."""
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> Any:
+        """Return what it gave."""
         del given
         if not isinstance(found, self.of):
             raise OwnModelError(f"{called} gave {found!r}: has to give a subclass of {self.of.__name__}")
+        return found
 
     def tried(self, called: str, call: Callable[..., Any]) -> None:
         """Do nothing."""
+
+
+def real_numbers(found: Any) -> FloatArray:
+    """Return numbers of any real type, or a list of them, as float64; masked ones as nan.
+
+    Raises:
+        TypeError, ValueError: they are anything else.
+    """
+    if np.asarray(found).dtype.kind not in "fiubO":
+        raise TypeError(found)
+    if isinstance(found, np.ma.MaskedArray):
+        found = np.where(np.ma.getmaskarray(found), np.nan, found.data)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _to_read(given: Any) -> Any:
+    """Return an array, or those of a named tuple, so that nobody can write to it."""
+    if isinstance(given, np.ndarray):
+        given = given.view()
+        given.flags.writeable = False
+    return type(given)(*map(_to_read, given)) if hasattr(given, "_fields") else given
+
+
+def _field(name: str, model: Variant) -> Any:
+    return model.__dict__[name]
 
 
 def looked_at(
@@ -149,7 +178,8 @@ def looked_at(
 ) -> type[Variant]:
     """Return a model's class with what it lacks of a base, where what some of its methods give is looked at.
 
-    They raise `OwnModelError`, but for `ChannelInputError`, by which a model says for what it does not hold.
+    They raise `OwnModelError`, but for `ChannelInputError`, by which a model says for what it does not hold. What they
+    are given is to be read only: others use it, too.
     """
 
     def watched(name: str, method: Method) -> Callable[..., Any]:
@@ -157,14 +187,12 @@ def looked_at(
 
         def call(self: Variant, *given: Any, **named: Any) -> Any:
             try:
-                result = getattr(super(made, self), name)(*given, **named)
+                result = getattr(super(made, self), name)(*map(_to_read, given), **named)
             except (ChannelInputError, OwnModelError):
                 raise
             except Exception as error:
                 raise OwnModelError(f"{called}: {told(error)}") from error
-            if not named:  # else its model calls it
-                method.check(called, result, given)
-            return result
+            return result if named else method.check(called, result, given)  # with names its model calls it
 
         return call
 
@@ -175,9 +203,17 @@ def looked_at(
     }
     own = {"__module__": found.__module__, "__qualname__": found.__qualname__, "__doc__": found.__doc__}
     calls = {name: watched(name, method) for name, method in methods.items() if hasattr(found, name)}
-    made = cast(type[Variant], new_class(found.__name__, (found,), {}, lambda body: body.update(own | calls)))
+    # a base has something under the name of a field, which would be its default, and as a property hide it
+    hidden = {name: field for name, field in found.model_fields.items() if hasattr(found, name)}
+    fields = {"__annotations__": {name: field.annotation for name, field in hidden.items()}, **hidden}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Field name", UserWarning)  # its author was told as it was loaded
+        bases, body = (found,), own | calls | fields
+        made = cast(type[Variant], new_class(found.__name__, bases, {}, lambda names: names.update(body)))
     for name, default in lacks.items():
         setattr(made, name, default)
+    for name in hidden:
+        setattr(made, name, property(partial(_field, name)))
     return made
 
 
@@ -194,6 +230,7 @@ def tried(
     """
     with np.errstate(all="ignore"), suppress(ChannelInputError):
         for name, method in methods.items():
-            method.tried(f"{label}.{name}", getattr(model, name))
+            if hasattr(model, name):
+                method.tried(f"{label}.{name}", getattr(model, name))
         if trial is not None:
             trial(model, label)

@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from channel.checks import FloatArray
 from channel.geometry import Path, path_at
-from channel.own_methods import LARGEST, Method, Numbers, OwnModelError
+from channel.own_methods import LARGEST, Method, Numbers, OwnModelError, real_numbers
 from channel.phy.error_model import Band
 
 DISTANCES_M: Final = (10.0, 100.0, 1000.0)
@@ -23,6 +24,7 @@ BANDWIDTH_HZ: Final = 20e6
 LENGTH_BYTES: Final = 40.0
 PANELS: Final = 8
 WEIGHTS_WITHIN: Final = 0.02
+LEAST_M: Final = 0.001
 LINKS: Final = 16
 INSTANTS: Final = 1024
 LONGEST_NS: Final = 1e14
@@ -51,15 +53,16 @@ def _distances_of(path: Path) -> ArrayLike:
 class FadingRule:
     """`rule` of a fading: gains and weights, which are together 1."""
 
-    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> None:
-        """Look at what it gave."""
+    def check(self, called: str, found: Any, given: tuple[Any, ...]) -> tuple[FloatArray, FloatArray]:
+        """Return what it gave."""
         del given
         try:
-            gains_db, weights = (np.asarray(each, dtype=np.float64) for each in found)
+            gains_db, weights = map(real_numbers, found)
         except (TypeError, ValueError):
             raise OwnModelError(f"{called} gave {found!r}: has to give gains and weights") from None
         if not (gains_db.max(initial=-inf) <= LARGEST and abs(weights).max(initial=0.0) <= LARGEST):
             raise OwnModelError(f"{called} gave {gains_db} dB with weights {weights}: have to be numbers")
+        return gains_db, weights
 
     def tried(self, called: str, call: Callable[..., Any]) -> None:
         """Call it for a few elevations."""
@@ -77,6 +80,8 @@ PATH: Final = _few_links()
 SNRS_DB: Final = np.array([-20.0, 0.0, 5.0, 10.0, 60.0])
 NORMAL: Final = np.array([-3.0, -0.5, 0.0, 0.5, 3.0])
 UNIFORM: Final = np.array([0.001, 0.3, 0.5, 0.7, 0.999])
+SCATTER: Final = np.array([0.001, 0.5j, 1.0 - 1.0j, -0.3 + 0.1j, 3.0])
+DIRECT: Final = np.array([1.0, 1.0j, -1.0, -1.0j, 0.6 + 0.8j])
 ELEVATIONS_DEG: Final = np.array([0.0, 10.0, 30.0, 60.0, 90.0])
 DIRECTIONS_FRD: Final = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, 0, 1), (0, 0.6, -0.8)])
 BAND: Final = Band(BANDWIDTH_HZ, BANDWIDTH_HZ)
@@ -98,6 +103,12 @@ FADING: Final[Methods] = {
         (UNIFORM, UNIFORM[::-1], ELEVATIONS_DEG),
         "first draw",
         lambda first, second, _: _among(first, second),
+        low=-inf,
+    ),
+    "gain_of_scatter_db": Numbers(
+        (SCATTER, DIRECT, ELEVATIONS_DEG),
+        "scatter",
+        lambda scatter, direct, _: _among(scatter, direct),
         low=-inf,
     ),
     "rule": FadingRule(),
@@ -144,6 +155,35 @@ def try_losses(law: Any, label: str) -> None:
         alone_db = float(law.path_loss_db(path_at(PATH, np.array([row])))[0])
         if not np.isclose(alone_db, loss_db, rtol=1e-9, atol=1e-9):
             raise OwnModelError(f"{where} among other links, and {alone_db:.4g} dB for that link alone")
+
+
+def try_gain(law: Any, label: str) -> None:
+    """Try whether the largest gain of a fading or shadowing is a number, if it says one.
+
+    Raises:
+        OwnModelError: it is none.
+    """
+    _try_number(f"{label}.max_gain_db", getattr(law, "max_gain_db", inf), -inf, inf)
+
+
+def try_lasting(law: Any, label: str) -> None:
+    """Try whether what a shadowing says of its extent can be.
+
+    Raises:
+        OwnModelError: it cannot.
+    """
+    try_gain(law, label)
+    _try_number(f"{label}.spread_db", law.spread_db, 0.0, LARGEST)
+    if law.decorrelation_m is not None:
+        _try_number(f"{label}.decorrelation_m", law.decorrelation_m, LEAST_M, LARGEST)
+    _try_number(f"{label}.shared_ends", getattr(law, "shared_ends", 0.0), 0.0, 0.5)
+    if (surroundings := getattr(law, "surroundings", "own")) not in ("own", "shared"):
+        raise OwnModelError(f"{label}.surroundings is {surroundings!r}: has to be own or shared")
+
+
+def _try_number(called: str, found: object, low: float, high: float) -> None:
+    if not (isinstance(found, int | float | np.number) and low <= found <= high):
+        raise OwnModelError(f"{called} is {found!r}: has to be a number from {low:g} to {high:g}")
 
 
 def try_mean_loss(bursts: Any, label: str) -> None:

@@ -15,6 +15,12 @@ class Variant(Settings):
     _own_key: tuple[str, str] | None = PrivateAttr(default=None)
     """Of a user's model: `model` or `class`, and its value; see `own`."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same model with the same parameters, whatever it keeps beside them."""
+        if type(self) is not type(other) or not isinstance(other, Variant) or self._own_key != other._own_key:
+            return False
+        return all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
+
 
 def name_of(model: Variant) -> str:
     """Return what a model is called: by its `model` key, or of a user's own by its class."""

@@ -62,6 +62,13 @@ def test_pattern_interpolates_and_wraps():
     assert float(pattern.towards_db(np.array([0.0, 0.0, -1.0]))) == pytest.approx(9.0)
 
 
+def test_patterns_that_were_used_are_equal_by_their_rows():
+    one, same, other = (Pattern(pattern=((0.0, 0.0, 1.0), (90.0, 0.0, top_db))) for top_db in (3.0, 3.0, 2.0))
+    for each in (one, same, other):
+        each.towards_db(FORWARD)
+    assert (one == same, hash(one) == hash(same), one == other) == (True, True, False)
+
+
 def test_pattern_that_is_no_grid():
     with pytest.raises(ValidationError, match="full grid"):
         Pattern(pattern=((0.0, 0.0, 1.0), (90.0, 10.0, 1.0)))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from channel import own, presets
 from channel.link.radio import Radio
@@ -70,6 +71,18 @@ def test_it_survives_being_written_down(mine):
     )
 
 
+def test_what_is_written_down_of_it_is_what_was_given(mine):
+    """A relative path in a default would be another one as seen from where the radio is written."""
+    (mine / "models" / "mapped.py").write_text(
+        CODE.replace("exponent: float = 4.0", "file: str = 'town.json'\n    exponent: float = 4.0")
+    )
+    law = {"class": "models/mapped.py:Steep", "exponent": 5.0}
+    config = presets.load_radio("perfect", presets.seen_from(mine, {"propagation": law}))
+    again = presets.radio_from_mapping(yaml.safe_load(presets.radio_to_yaml(config)))
+    assert (again.propagation.file, again.propagation.exponent) == ("town.json", 5.0)
+    assert again == config
+
+
 def test_a_medium_uses_it(mine):
     medium = Medium(Radio(presets.load_radio(mine / "mine.yaml")), seed=1, nodes=("a", "b"))
     medium.place("a", (0.0, 0.0, -40.0))
@@ -107,7 +120,7 @@ def test_mistakes_are_named(mine, group, problem):
     [
         ("return path.distance_km", r"wrong\.py:7: AttributeError: .*a Path has frequency_hz, distance_m"),
         ("return 100.0", r"gave one number for \(3,\) of distance_m"),
-        ("return path.distance_m[:2]", r"gave an array of shape \(2,\) for \(3,\)"),
+        ("return path.distance_m[:2]", r"gave an array of float64 of shape \(2,\) for \(3,\)"),
         (
             "return np.log10(path.distance_m - 200.0)",
             "gave nan at distance_m 49.0306026885: has to be finite",

@@ -90,7 +90,7 @@ def own(tmp_path, kind, *bodies, **values):
         ("fading", ["return 0.0 * first", "return np.zeros(2), np.ones(2)"], "rule gave weights that are 2 together"),
         ("noise", ["return float('nan')"], "noise_floor_dbm gave nan at frequency_hz 2400000000"),
         ("noise", ["return np.zeros(3)"], r"noise_floor_dbm gave \(3,\) for \(\) of frequency_hz"),
-        ("antenna", ["return direction_frd"], r"towards_db gave an array of shape \(5, 3\) for \(5,\) of"),
+        ("antenna", ["return direction_frd"], r"towards_db gave an array of float64 of shape \(5, 3\) for \(5,\) of"),
         ("antenna", ["return direction_frd[:, 0] / 0"], r"towards_db gave inf at direction_frd \[1. 0. 0.\]"),
         ("antenna", ["return np.random.default_rng().normal(size=5)"], "towards_db gave something else for the same"),
         ("propagation", ["return -super().path_loss_db(path)"], r"path_loss_db gave -80.95 dB at 110.9 m: a loss is"),
@@ -143,6 +143,179 @@ def test_what_it_gives_later_names_its_class(tmp_path, kind, bodies, problem):
     medium.send(medium.packets(tx="a", seq=0, length_bytes=40, sim_time_ns=np.array([5])))
     with pytest.raises(OwnModelError, match=rf"^laws\.py:Own\.{problem}"):
         medium.settle()
+
+
+@pytest.mark.parametrize(
+    ("kind", "bodies", "line"),
+    [
+        ("propagation", ["path.distance_m[path.distance_m < 150.0] = 150.0"], 13),
+        ("shadowing", ["loss_db(self, z):\n        z *= 3.0\n        return z"], 13),
+        ("fading", ["return np.log(first, out=first)", RULE], 12),
+        ("antenna", ["direction_frd[..., 2] = 0.0"], 13),
+    ],
+)
+def test_what_it_is_given_is_to_be_read_only(tmp_path, kind, bodies, line):
+    values = {"sigma_db": 3.0} if kind == "shadowing" else {}
+    for _ in range(2):  # and the links with which models are tried stay as they are
+        with pytest.raises(PresetError, match=rf"laws\.py:{line}: ValueError: .* is read-only"):
+            presets.load_radio("corrected", own(tmp_path, kind, *bodies, **values))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return np.full(path.distance_m.shape, 103.25, dtype=np.float32)",
+        "return [103.25 for _ in path.distance_m]",
+        "return np.full(path.distance_m.shape, 103.25).astype(object)",
+        "return np.ma.masked_less(np.full(path.distance_m.shape, 103.25), 0.0)",
+    ],
+)
+def test_numbers_of_any_real_type_count_as_float64(tmp_path, body):
+    radio = Radio(presets.load_radio("corrected", own(tmp_path, "propagation", body)))
+    loss_db = radio.config.propagation.path_loss_db(radio.path([100.0, 500.0]))
+    assert (type(loss_db), loss_db.dtype, loss_db.tolist()) == (np.ndarray, np.float64, [103.25, 103.25])
+    assert radio.link([100.0, 500.0]).snr_db.dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("return super().path_loss_db(path) + 0j", r"gave an array of complex128 of shape \(3,\)"),
+        ("return super().path_loss_db(path).astype(str)", r"gave an array of <U\d+ of shape \(3,\)"),
+        ("return np.ma.masked_greater(super().path_loss_db(path), 85.0)", r"gave nan at distance_m 1001\.15"),
+    ],
+)
+def test_what_is_no_real_number_is_told(tmp_path, body, problem):
+    with pytest.raises(PresetError, match=rf"laws\.py:Own\.path_loss_db {problem}"):
+        presets.load_radio("corrected", own(tmp_path, "propagation", body))
+
+
+KEEPS = """
+from functools import cached_property
+import numpy as np
+from channel.variant import Variant
+from pydantic import PrivateAttr
+
+
+class Keeps(Variant):
+    exponent: float = 4.0
+    _decades: np.ndarray = PrivateAttr(default_factory=lambda: np.linspace(0.0, 7.0, 71))
+
+    @cached_property
+    def losses_db(self):
+        return 10.0 * self.exponent * self._decades
+
+    def path_loss_db(self, path):
+        return np.interp(np.log10(path.distance_m), self._decades, self.losses_db)
+"""
+
+
+def test_models_that_keep_arrays_are_equal_by_their_parameters(tmp_path):
+    (tmp_path / "laws.py").write_text(KEEPS)
+
+    def radio(**parameters):
+        law = {"class": f"{tmp_path}/laws.py:Keeps", **parameters}
+        return Radio(presets.load_radio("corrected", {"propagation": law}))
+
+    one, same, other = radio(), radio(), radio(exponent=3.0)
+    assert one.config == same.config
+    assert hash(one.config) == hash(same.config)
+    assert one.config != other.config
+    medium = Medium({"a": one, "b": same, "c": other}, seed=3, nodes=("a", "b", "c"))
+    for node, north_m in zip("abc", (0.0, 100.0, 200.0), strict=True):
+        medium.place(node, (north_m, 0.0, -40.0))
+    medium.send(medium.packets(tx="a", seq=0, length_bytes=40))
+    assert np.isfinite(medium.settle().received_power_dbm).all()
+
+
+FIELDS = """
+from channel.fading.laws import CoherentFading
+from channel.fading.shadowing import NormalShadowing, PerPacketShadowing
+from channel.propagation.path_loss import FreeSpace, PathLossModel
+from pydantic import Field
+
+
+class Ground(PathLossModel):
+    has_ground: bool = True
+
+    def path_loss_db(self, path):
+        return FreeSpace().path_loss_db(path)
+
+
+class Lasting(PerPacketShadowing):
+    sigma_db: float = 6.0
+    decorrelation_m: float = Field(default=30.0, ge=0.0)
+    surroundings: str = "own"
+    shared_ends: float = 0.0
+    max_gain_db: float = 50.0
+    spread_db = property(lambda self: self.sigma_db if self.sigma_db else self.sigma)
+
+    def loss_db(self, standard_normal):
+        return -self.sigma_db * standard_normal
+
+    def chance_below(self, loss_db):
+        return NormalShadowing(sigma_db=self.sigma_db).chance_below(loss_db)
+"""
+
+
+def lasting(tmp_path, **values):
+    (tmp_path / "laws.py").write_text(FIELDS)
+    law = {"class": f"{tmp_path}/laws.py:Lasting", **values}
+    return presets.load_radio("wifi-2.4", {"shadowing": law, "fading": {"model": "none"}})
+
+
+@pytest.mark.filterwarnings("ignore:Field name:UserWarning")
+def test_a_field_counts_before_what_a_base_has_under_its_name(tmp_path):
+    config = lasting(tmp_path)
+    assert (
+        config.shadowing.decorrelation_m,
+        lasting(tmp_path, decorrelation_m=9.0).shadowing.decorrelation_m,
+    ) == (30, 9)
+    ours = {"model": "gudmundson", "sigma_db": 6.0, "decorrelation_m": 30.0, "surroundings": "own"}
+    ours |= {"shared_ends": 0.0}
+    powers = []
+    for radio in (config, presets.load_radio("wifi-2.4", {"shadowing": ours, "fading": {"model": "none"}})):
+        medium = Medium(Radio(radio), seed=3, nodes=("a", "b"))
+        medium.place("a", (0.0, 0.0, -40.0))
+        medium.place("b", (100.0, 0.0, -40.0))
+        medium.send(medium.packets(tx="a", seq=range(9), length_bytes=40))
+        powers.append(medium.settle().received_power_dbm)
+    assert len(set(powers[0])) == 1
+    assert np.array_equal(*powers)
+    ground = {"propagation": {"class": f"{tmp_path}/laws.py:Ground"}}
+    assert presets.load_radio("wifi-2.4", ground).propagation.has_ground is True
+
+
+@pytest.mark.filterwarnings("ignore:Field name:UserWarning")
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        (
+            {"decorrelation_m": 0.0},
+            r"laws\.py:Lasting\.decorrelation_m is 0\.0: has to be a number from 0\.001",
+        ),
+        ({"surroundings": "all"}, r"laws\.py:Lasting\.surroundings is 'all': has to be own or shared"),
+        ({"shared_ends": 0.6}, r"laws\.py:Lasting\.shared_ends is 0\.6: has to be a number from 0 to 0\.5"),
+        ({"sigma_db": 0.0}, r"laws\.py:21: AttributeError: 'Lasting' object has no attribute 'sigma'"),
+    ],
+)
+def test_what_a_shadowing_says_of_its_extent_is_looked_at(tmp_path, values, problem):
+    with pytest.raises(PresetError, match=f"shadowing: .*{problem}"):
+        lasting(tmp_path, **values)
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ("def gain_of_scatter_db(self, s, d, e): return np.nan * s.real", "gain_of_scatter_db gave nan at"),
+        ("def gain_of_scatter_db(self, s): return s.real", "gain_of_scatter_db: TypeError: .* positional arguments"),
+        ("max_gain_db = property(lambda self: 'x')", "max_gain_db is 'x': has to be a number"),
+    ],
+)  # fmt: skip
+def test_what_a_fading_may_have_is_looked_at(tmp_path, more, problem):
+    fading = own(tmp_path, "fading", "return 0.0 * first", f"{RULE}\n    {more}")
+    with pytest.raises(PresetError, match=rf"fading: laws\.py:Own\.{problem}"):
+        presets.load_radio("corrected", fading)
 
 
 def test_link_and_check_name_the_class(tmp_path):
