@@ -84,9 +84,7 @@ def own_models(
         key = value._own_key if isinstance(value, Variant) else None
         if key is None:
             return others(value)
-        given = value.model_dump(
-            mode="json", exclude_unset=True
-        )  # a default is its file's, a path in it, too
+        given = value.model_dump(mode="json", exclude_unset=True)  # a default's path is seen from its file
         return dict([key]) | {name: item for name, item in given.items() if name != "model"}
 
     return WrapValidator(validate), WrapSerializer(serialize), OwnModels(group)
