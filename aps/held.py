@@ -19,7 +19,7 @@ All time-outs of the logic run in sim time; wall time is left to ``connect`` and
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -33,6 +33,7 @@ from aps.links.kinds.held_udp import HeldUdpLink
 from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import HELD_SILENCE_TIMEOUT_S
+from aps.vehicle.autopilots.autopilot import TIMESYNC
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.wire.framer import Frame
 
@@ -259,7 +260,9 @@ class HeldDaemon(DaemonBase):
             self._wall_time(f"the autopilot wrote {len(data)} bytes at once: it may have had to wait")
         self._count_lost()
         self._tell_bytes("from_autopilot", data)
-        self.core.frames(self.link, self.link.receive(data, self._now_ns), self._now_ns)
+        frames = self.link.receive(data, self._now_ns)
+        self._look_at_answers(frames)
+        self.core.frames(self.link, frames, self._now_ns)
         if was_up and not self.link.up:
             self.counters.link_losses += 1
             self._heard_event.clear()
@@ -334,7 +337,17 @@ class HeldDaemon(DaemonBase):
             self.core.link_closed(item.link, self._now_ns)
 
     def _look_at_request(self, msg_id: int) -> None:
-        reason = autopilot_of(self.state.autopilot).unrepeatable.get(msg_id)
+        self._may_not_repeat(msg_id, autopilot_of(self.state.autopilot).unrepeatable)
+
+    def _look_at_answers(self, frames: Sequence[Frame]) -> None:
+        reasons = autopilot_of(self.state.autopilot).unrepeatable_answers
+        if reasons and self.has_machine:
+            for frame in frames:
+                if frame.msg_id != TIMESYNC or any(frame.payload[:8]):  # tc1 is 0 in a request
+                    self._may_not_repeat(frame.msg_id, reasons)
+
+    def _may_not_repeat(self, msg_id: int, reasons: Mapping[int, str]) -> None:
+        reason = reasons.get(msg_id)
         if reason is not None and msg_id not in self._asked:
             self._asked.add(msg_id)
             self._wall_time(reason)

@@ -3,7 +3,8 @@
     python mavsdk_files.py tcpout://127.0.0.1:6760
 
 By MAVLink FTP: makes a directory, puts a file there, gets it back, compares, and clears up. By LOG_REQUEST_*: lists the
-logs and gets one, of which it shows the first bytes. The stand-in has neither files nor logs.
+logs and gets one, of which it shows the first bytes. The stand-in has neither files nor logs, and
+of ArduPilot MAVSDK 4.1 cannot list a directory.
 """
 
 import argparse

@@ -92,6 +92,7 @@ class ArduPilotStack:
         "how much a thread has written of the one that is open",
         LOG_DATA: "a client downloaded a log, which ArduPilot reads in a thread of its own",
     }
+    unrepeatable_answers: Mapping[int, str] = {}
     events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}

@@ -11,10 +11,22 @@ from aps.vehicle.commands.plan import Step
 from aps.vehicle.flight.setpoints import Place, Yaw
 from aps.vehicle.state import Vector3, VehicleState
 
-__all__ = ["FTP", "LOG_DATA", "LOG_LIST", "Circle", "FlightStack", "Manoeuvre", "Target"]
+__all__ = [
+    "FTP",
+    "LOG_DATA",
+    "LOG_LIST",
+    "SYSTEM_TIME",
+    "TIMESYNC",
+    "Circle",
+    "FlightStack",
+    "Manoeuvre",
+    "Target",
+]
 
+SYSTEM_TIME: Final = 2
 FTP: Final = 110
 """FILE_TRANSFER_PROTOCOL."""
+TIMESYNC: Final = 111
 LOG_LIST: Final = 117
 """LOG_REQUEST_LIST."""
 LOG_DATA: Final = 119
@@ -95,6 +107,8 @@ class FlightStack(Protocol):
     unrepeatable: Mapping[int, str]
     """By id of a client's message: why a simulated flight may not repeat once it was sent, since the answer depends on
     the machine's threads or clock."""
+    unrepeatable_answers: Mapping[int, str]
+    """The same by id of a message that the autopilot sends if asked to; of TIMESYNC those that answer one."""
     mode_aliases: Mapping[str, str]
     """Names that are taken for modes of its own."""
 

@@ -29,6 +29,7 @@ class OtherStack:
         LOG_LIST: "a client listed logs: LOG_ENTRY may have times by the machine's clock",
         LOG_DATA: "a client downloaded a log, which the autopilot may read when the machine lets it",
     }
+    unrepeatable_answers: Mapping[int, str] = {}
     events_path: str | None = None
     stream_twins: Mapping[int, int | None] = {}
     mode_aliases: Mapping[str, str] = {}

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import LOG_LIST, Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import LOG_LIST, SYSTEM_TIME, TIMESYNC, Circle, Manoeuvre, Target
 from aps.vehicle.commands.plan import Step
 from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
@@ -74,6 +74,10 @@ class Px4Stack:
     packed_parameters = False
     unrepeatable: Mapping[int, str] = {
         LOG_LIST: "a client listed logs: LOG_ENTRY of PX4 has the times of files, by the machine's clock",
+    }
+    unrepeatable_answers: Mapping[int, str] = {
+        SYSTEM_TIME: "a client asked for SYSTEM_TIME, as with REQUEST_DATA_STREAM: that of PX4 has the machine's time",
+        TIMESYNC: "a client asked for the time by TIMESYNC: in its answers PX4 leaves the ids of the target to chance",
     }
     events_path: str | None = METADATA_PATH
     stream_twins: Mapping[int, int | None] = {

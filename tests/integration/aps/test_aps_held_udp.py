@@ -84,6 +84,23 @@ async def test_what_was_sent_before_an_exchange_is_heard_in_it(held):
     assert [str(result) for result in done] == ["arm reached"]
 
 
+async def test_times_of_the_machine_and_chance_in_answers_of_px4_are_told_once(held):
+    """Its own TIMESYNC requests come in each run, and say nothing that does not repeat."""
+    daemon, autopilot = held
+    reasons = []
+    daemon.on_wall_time = reasons.append
+    asks, answers = mavlink.MAVLink_timesync_message(0, 132), mavlink.MAVLink_timesync_message(1 << 40, 7)
+    time = mavlink.MAVLink_system_time_message(1_795_750_890_000_000, 50)
+    autopilot.heartbeat()
+    for tick, (said, told) in enumerate(
+        [(asks, []), (time, ["SYSTEM_TIME"]), (answers, ["SYSTEM_TIME", "TIMESYNC"])]
+    ):
+        autopilot.say(said)
+        autopilot.say(said)
+        exchange(daemon, tick)
+        assert [word for word, reason in zip(told, reasons, strict=True) if word in reason] == told
+
+
 async def test_only_the_autopilot_is_heard(held):
     daemon, autopilot = held
     autopilot.heartbeat()
