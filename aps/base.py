@@ -166,13 +166,18 @@ class DaemonBase(ABC):
 
     # Recording.
 
-    def _open_tlog(self, clock_us: Callable[[], int]) -> None:
-        """Begin to record, if the settings say so."""
+    def _open_tlog(self, clock_us: Callable[[], int], gather_bytes: int = 0) -> None:
+        """Begin to record, if the settings say so; see `TlogWriter`."""
         config = self.config
         if config.tlog_directory is not None:
             name = config.tlog_name or f"mavlink-{config.sysid}"
             self.tlog = TlogWriter(
-                config.tlog_directory, name, clock_us, config.tlog_file_bytes, config.tlog_files
+                config.tlog_directory,
+                name,
+                clock_us,
+                config.tlog_file_bytes,
+                config.tlog_files,
+                gather_bytes,
             )
             self.hub.taps.append(self._record)
 

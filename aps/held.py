@@ -43,6 +43,8 @@ AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
 _KINDS: Final = ("tcp", "udp-in")
 _EXCHANGE: Final = "exchange"
+TLOG_GATHER_BYTES: Final = 8 << 10
+"""Each write of a log would let other threads have the interpreter."""
 
 _log = logging.getLogger(__name__)
 
@@ -117,7 +119,7 @@ class HeldDaemon(DaemonBase):
         super().__init__(config, lambda: self._now_ns, lambda: None, HELD_SILENCE_TIMEOUT_S)
         self.commands.ftp = False
         self.link.id = AUTOPILOT_ID
-        self._open_tlog(lambda: config.tlog_epoch_us + self._now_ns // 1000)
+        self._open_tlog(lambda: config.tlog_epoch_us + self._now_ns // 1000, TLOG_GATHER_BYTES)
         self.takes_input = takes_input
         self.on_input: Callable[[Input], None] | None = None
         """Called with each input as it takes effect, in order: every frame of a client (even one that only
@@ -229,6 +231,11 @@ class HeldDaemon(DaemonBase):
         else:
             self._write(data)
         self.links.flush()
+
+    def flush_record(self) -> None:
+        """Hand what was recorded to the operating system, as the owner does with a record of its own."""
+        if self.tlog is not None:
+            self.tlog.flush()
 
     # The autopilot.
 

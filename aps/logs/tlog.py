@@ -1,7 +1,7 @@
 """Writes .tlog files, as MAVProxy, Mission Planner and pymavlink read them.
 
 Each record is the time, 8 bytes, big-endian, in us since 1970, and one whole MAVLink frame, but for
-signatures, and messages that bring a key. Every frame goes to the
+signatures, and messages that bring a key. Unless the writer gathers frames, each goes to the
 operating system at once, so a daemon that is killed loses none; files are bounded in size and number.
 """
 
@@ -50,6 +50,7 @@ class TlogWriter:
         clock_us: us since 1970 for a frame that is written now.
         max_file_bytes: a new file is begun when this is reached.
         max_files: the oldest of this writer's files is deleted when there are more.
+        gather_bytes: frames wait until there is as much of them, or for `flush`; 0 = none waits.
 
     Raises:
         OSError: the directory cannot be made.
@@ -62,6 +63,7 @@ class TlogWriter:
         clock_us: Callable[[], int],
         max_file_bytes: int = DEFAULT_MAX_FILE_BYTES,
         max_files: int = DEFAULT_MAX_FILES,
+        gather_bytes: int = 0,
     ) -> None:
         if max_file_bytes < 1000 or max_files < 1:
             raise ValueError(
@@ -73,6 +75,9 @@ class TlogWriter:
         """The files that there are, oldest first."""
         self._directory, self._name, self._clock_us = directory, name, clock_us
         self._max_file_bytes, self._max_files = max_file_bytes, max_files
+        self._gather_bytes = gather_bytes
+        self._gathered: list[bytes] = []
+        self._gathered_bytes = self._gathered_from_us = 0
         self._file: BinaryIO | None = None
         self._file_bytes = 0
         self._told = False
@@ -82,37 +87,51 @@ class TlogWriter:
         told = loggable(raw)
         if told is None:
             return
-        raw = told
         now_us = self._clock_us()
+        record = _TIME.pack(now_us) + told
+        if self._file_bytes + self._gathered_bytes + len(record) > self._max_file_bytes:
+            self.close()
+        if not self._gathered:
+            self._gathered_from_us = now_us
+        self._gathered.append(record)
+        self._gathered_bytes += len(record)
+        if self._gathered_bytes >= self._gather_bytes:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand what was gathered to the operating system."""
+        if not self._gathered:
+            return
+        records, self._gathered, self._gathered_bytes = self._gathered, [], 0
+        data = b"".join(records)
         try:
-            self._append(_TIME.pack(now_us) + raw, now_us)
+            self._append(data)
         except OSError as error:
-            self.counters.lost_frames += 1
+            self.counters.lost_frames += len(records)
             if not self._told:
                 _log.warning("cannot write the tlog in %s: %s", self._directory, error)
             self._told = True
             return
         self._told = False
-        self.counters.frames += 1
-        self.counters.bytes += _TIME.size + len(raw)
+        self.counters.frames += len(records)
+        self.counters.bytes += len(data)
 
-    def _append(self, record: bytes, now_us: int) -> None:
-        """Write a whole record or nothing of it.
+    def _append(self, data: bytes) -> None:
+        """Write whole records or nothing of them.
 
         Raises:
             OSError: the disk refuses.
         """
-        if self._file is None or self._file_bytes + len(record) > self._max_file_bytes:
-            self._next_file(now_us)
+        if self._file is None:
+            self._next_file(self._gathered_from_us)
         assert self._file is not None
-        if self._file.write(record) < len(record):  # a disk that has just become full takes a part
+        if self._file.write(data) < len(data):  # a disk that has just become full takes a part
             self._file.truncate(self._file_bytes)
             self._file.seek(self._file_bytes)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self._file_bytes += len(record)
+        self._file_bytes += len(data)
 
     def _next_file(self, now_us: int) -> None:
-        self.close()
         stem = f"{self._name}-{datetime.fromtimestamp(now_us / 1e6, UTC):%Y%m%dT%H%M%SZ}"
         for suffix in ("", *(f"-{number}" for number in range(2, 10_000))):
             path = self._directory / f"{stem}{suffix}.tlog"
@@ -131,7 +150,8 @@ class TlogWriter:
             self.counters.deleted_files += 1
 
     def close(self) -> None:
-        """Close the file; a further frame begins another."""
+        """Write what was gathered and close the file; a further frame begins another."""
+        self.flush()
         if self._file is not None:
             self._file.close()
-        self._file = None
+        self._file, self._file_bytes = None, 0

@@ -160,6 +160,11 @@ class HostedAircraft(HostedNode):
             await self.daemon.connect()
             self._record.may_not_repeat("its MAVLink was connected during the run, when wall time let it")
 
+    def flush_record(self) -> None:
+        """Hand what was recorded to the operating system, its tlog too."""
+        super().flush_record()
+        self.daemon.flush_record()
+
     def _link_down(self) -> None:
         """The autopilot closed its MAVLink (it reboots, or is gone): connect again as soon as it listens."""
         self._record.may_not_repeat("its autopilot closed its MAVLink connection")
@@ -183,6 +188,7 @@ class HostedAircraft(HostedNode):
             self._connecting.cancel()
         for device in self._devices.values():
             device.close()
+        self.daemon.flush_record()  # what it counted is in the counters
         super().close()
 
 

@@ -214,7 +214,11 @@ class HostedNode:
 
     def _flush_now_and_then(self) -> None:
         if self._flush.is_due():
-            self._record.flush()
+            self.flush_record()
+
+    def flush_record(self) -> None:
+        """Hand what was recorded to the operating system."""
+        self._record.flush()
 
     @contextmanager
     def _named(self) -> Iterator[None]:

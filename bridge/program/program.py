@@ -266,8 +266,10 @@ class Program:
         self._untold = clock
         if monotonic() - self._told_at_s >= TELL_PERIOD_S:
             self._tell_clock()
-        self._hosted.hold(sim_time_ns, is_tick=True, stalled=clock.stalled)
-        self._idle.wait(lambda: not any(one.node.is_live for one in self._hosted.nodes))
+        self._idle.wait(
+            lambda: self._hosted.hold(sim_time_ns, is_tick=True, stalled=clock.stalled),
+            lambda: sum(one.node.is_live for one in self._hosted.nodes),
+        )
 
     def _tell_clock(self) -> None:
         clock, self._untold = self._untold, None

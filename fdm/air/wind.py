@@ -41,9 +41,9 @@ class ConstantConfig(Settings):
     up_mps: Annotated[float, Field(ge=-50, le=50)] = 0.0
 
     def ned_mps(self) -> Vector:
-        """As a vector, NED m/s."""
+        """As a vector, NED m/s; no component is -0.0."""
         angle = radians(self.from_deg)
-        return (-self.speed_mps * cos(angle), -self.speed_mps * sin(angle), -self.up_mps)
+        return (0.0 - self.speed_mps * cos(angle), 0.0 - self.speed_mps * sin(angle), 0.0 - self.up_mps)
 
 
 class GustConfig(Settings):
@@ -125,14 +125,15 @@ class WindConfig(Settings):
     map: MapConfig | None = None
 
     def build(self, *, seed: int, ua_id: int) -> Wind:
-        """The wind that UA `ua_id` feels in a run with `seed`.
+        """The wind that UA `ua_id` feels in a run with `seed`; a `ConstantWind` if it never changes.
 
         Raises:
             WindError: the wind map cannot be used.
         """
-        steady: list[Wind] = []
-        if self.constant is not None:
-            steady.append(ConstantWind(self.constant.ned_mps()))
+        constant = ConstantWind((0.0, 0.0, 0.0) if self.constant is None else self.constant.ned_mps())
+        if self.map is None and self.turbulence is None and not self.gusts:
+            return constant
+        steady: list[Wind] = [constant]
         if self.map is not None:
             steady.append(MapWind(load_wind_map(self.map.file), self.map.outside))
         steady.extend(Gust(config) for config in self.gusts)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from fdm.air.wind import ConstantWind
 from fdm.clock.member import Member
 from fdm.clock.pace import NEVER_NS
 from fdm.errors import ModelDivergedError, WindError
@@ -227,6 +228,8 @@ class ExchangedAircraft:
     def _feel_the_wind(self) -> None:
         now_ns = self.member.sim_time_ns
         self._wind_at_ns = now_ns - now_ns % WIND_PERIOD_NS + WIND_PERIOD_NS
+        if isinstance(self._wind, ConstantWind):
+            self._wind_at_ns = NEVER_NS  # once in a flight
         if self._wind is None:
             return
         try:

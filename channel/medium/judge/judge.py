@@ -107,11 +107,11 @@ class Judge:
             distance_m, per, erased = distance_m[locked], per[locked], erased[locked]
         index = _bins(distance_m)
         spread = per * (1.0 - per)
-        self._sent += np.bincount(index, minlength=MAX_BINS)
-        self._expected += np.bincount(index, per, MAX_BINS)
-        self._variance += np.bincount(index, spread, MAX_BINS)
-        self._third += np.bincount(index, spread * (1.0 - 2.0 * per), MAX_BINS)
-        self._erased += np.bincount(index, erased, MAX_BINS)
+        _add(self._sent, np.bincount(index))
+        _add(self._expected, np.bincount(index, per))
+        _add(self._variance, np.bincount(index, spread))
+        _add(self._third, np.bincount(index, spread * (1.0 - 2.0 * per)))
+        _add(self._erased, np.bincount(index, erased))
         self._count(per, spread, erased)
         self._powers.take(radio, links, mean_power_dbm, signal.received_power_dbm)
 
@@ -171,8 +171,8 @@ class Judge:
     def _sum(self, group: Ints, distance_m: FloatArray, per: FloatArray, erased: NDArray[np.bool_]) -> None:
         """Add up groups of rows, each by itself first."""
         index = _bins(distance_m)
-        self._sent += np.bincount(index, minlength=MAX_BINS)
-        self._erased += np.bincount(index, erased, MAX_BINS)
+        _add(self._sent, np.bincount(index))
+        _add(self._erased, np.bincount(index, erased))
         sums, which = np.unique(group * MAX_BINS + index, return_inverse=True)
         bins = sums % MAX_BINS
         np.add.at(self._expected, bins, np.bincount(which, per))
@@ -214,6 +214,11 @@ class Judge:
 
 def _bins(distance_m: FloatArray) -> NDArray[np.intp]:
     return np.minimum(distance_m * (1.0 / BIN_WIDTH_M), MAX_BINS - 1).astype(np.intp)
+
+
+def _add(sums: FloatArray, found: Ints | FloatArray) -> None:
+    """Add what was found in the first bins; the others, which are most of them, stay untouched."""
+    sums[: found.size] += found
 
 
 def _in_order(taken: Taken, order: Mapping[PacketKey, int]) -> tuple[NDArray[np.intp], Ints]:

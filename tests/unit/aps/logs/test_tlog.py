@@ -93,3 +93,35 @@ def test_a_disk_that_takes_a_part_of_a_record_has_nothing_of_it(tmp_path):
 def test_limits_are_checked(tmp_path):
     with pytest.raises(ValueError, match="at least one file of 1000 bytes, not 1 of 10"):
         TlogWriter(tmp_path, "x", Clock(), max_file_bytes=10, max_files=1)
+
+
+def test_gathered_frames_are_written_together_whole_and_in_order(tmp_path):
+    frames = list(attitudes(100))
+    at_once = TlogWriter(tmp_path / "a", "x", Clock(), max_file_bytes=1000)
+    gathering = TlogWriter(tmp_path / "b", "x", Clock(), max_file_bytes=1000, gather_bytes=100)
+    for raw in frames:
+        at_once.write(raw)
+        gathering.write(raw)
+    (*full, latest) = gathering.paths
+    assert len(full) > 1
+    assert latest.stat().st_size < at_once.paths[-1].stat().st_size, "some wait"
+    gathering.flush()
+    assert [path.name for path in gathering.paths] == [path.name for path in at_once.paths]
+    assert [path.read_bytes() for path in gathering.paths] == [path.read_bytes() for path in at_once.paths]
+    assert gathering.counters == at_once.counters
+    at_once.close()
+    gathering.close()
+
+
+def test_a_disk_that_refuses_gathered_frames_has_none_of_them(tmp_path):
+    directory = tmp_path / "logs"
+    writer = TlogWriter(directory, "x", Clock(), gather_bytes=1000)
+    directory.rmdir()
+    first, second, third = attitudes(3)
+    writer.write(first)
+    writer.write(second)
+    writer.flush()
+    directory.mkdir()
+    writer.write(third)
+    writer.close()
+    assert (writer.counters.lost_frames, writer.counters.frames) == (2, 1)
