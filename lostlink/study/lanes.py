@@ -158,6 +158,11 @@ class DaskLanes:
             why = f"not within {DASK_PATIENCE_S} s" if isinstance(error, TimeoutError) else str(error)
             raise StudyError(f"no Dask scheduler answers at {scheduler}: {why}") from error
 
+    @property
+    def workers(self) -> int:
+        """How many workers the cluster has now; others may join."""
+        return len(self._client.nthreads())
+
     def __enter__(self) -> Self:
         return self
 

@@ -195,7 +195,10 @@ def _interrupt(number: int, _: Any) -> None:
 def _lanes(lanes: int | None, scheduler: str | None, console: Console) -> Lanes:
     if scheduler is not None:
         console.print(f"joins the Dask scheduler at {scheduler}, within {DASK_PATIENCE_S} s", soft_wrap=True)
-        return DaskLanes(scheduler)
+        cluster = DaskLanes(scheduler)
+        count = cluster.workers
+        console.print(f"workers there: {count or 'none yet; runs begin when one joins'}", soft_wrap=True)
+        return cluster
     return LocalLanes(lanes or min(8, core_count()))
 
 

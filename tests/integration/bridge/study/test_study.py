@@ -123,6 +123,27 @@ def test_a_dask_cluster_leaves_the_same_table(make_study, tmp_path, whole):
     assert table(tmp_path / "dask") == whole
 
 
+def test_a_dask_cluster_without_workers_is_told(make_study, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=0, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as cluster,
+        subprocess.Popen(
+            command(make_study(count=2), tmp_path / "out", "--scheduler", cluster.scheduler_address),
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process,
+    ):
+        assert process.stdout is not None
+        told = next((line for line in process.stdout if "workers there" in line), "")
+        assert told == "workers there: none yet; runs begin when one joins\n"
+        cluster.scale(1)
+        process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0
+    assert len(table(tmp_path / "out")) == 2
+
+
 @pytest.mark.long
 def test_two_studies_at_once_do_not_disturb_each_other(make_study, tmp_path):
     files = [make_study("one", 2), make_study("two", 2)]
