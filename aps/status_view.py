@@ -227,17 +227,16 @@ def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (
     look: Callable[[], Iterator[dict[str, Any]]]
     look = partial(ask_over_http, urls, token) if urls else partial(ask, status_directory())
     told = list(look())
-    if as_json:
+    console = Console()
+    if as_json or not console.is_terminal:
+        show = _print_json if as_json else _print_tables
         with contextlib.suppress(KeyboardInterrupt):
-            print(json.dumps(told), flush=True)
+            show(told)
             while not once:
                 time.sleep(period_s)
                 told = list(look())
-                print(json.dumps(told), flush=True)
+                show(told)
         return _status_of(told)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDE)
     with (
         Live(tables(told), console=console, auto_refresh=False) as live,
         contextlib.suppress(KeyboardInterrupt),
@@ -247,6 +246,14 @@ def watch(period_s: float, *, once: bool, as_json: bool, urls: Sequence[str] = (
             told = list(look())
             live.update(tables(told), refresh=True)
     return _status_of(told)
+
+
+def _print_json(told: Sequence[dict[str, Any]]) -> None:
+    print(json.dumps(told), flush=True)
+
+
+def _print_tables(told: Sequence[dict[str, Any]]) -> None:
+    Console(width=WIDE).print(tables(told))
 
 
 def _status_of(told: Sequence[dict[str, Any]]) -> int:

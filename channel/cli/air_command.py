@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from math import cos, nan, pi, sin
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import click
@@ -30,6 +31,7 @@ from channel.numbers.units import ratio_from_db
 HEIGHT_M = 40.0
 CHOSEN_LOADS = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 DEFAULT_BPS = 64e3
+TELL_PERIOD_S = 2.0
 STANDARDS = {"11b": wifi_b, "11a": wifi_a, "11g": wifi_g}
 
 
@@ -169,7 +171,7 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
     Examples:
       lostlink air csma --nodes 20 --standard 11b --rate-mbps 11 --length-bytes 1500
       lostlink air airtime --bitrate-bps 64000 --nodes 6 --load-bps 20000 --load-bps 60000
-      lostlink air tdma --slot-ms 20 --nodes 6 --to one --json
+      lostlink air tdma --slot-ms 30 --nodes 6 --to one --json
       lostlink air delay --delay-ms 20 45 120 --outage-s 120 5 --bitrate-bps 1e6
       lostlink air elrs --mode 900-200 --to one --length-bytes 40
       lostlink air csma --radio wifi-2.4 --header-bytes 28 --ring-m 400 --plot air.png
@@ -184,7 +186,7 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
     if options["bitrate_bps"] is None:
         options["bitrate_bps"] = DEFAULT_BPS if radio is None else radio.bit_rate_bps
     try:
-        results = [_result(medium, load_bps, options) for load_bps in _loads(medium, options)]
+        results = _results(medium, options)
     except ValueError as error:
         raise BadInput(str(error)) from error
     if plot is not None:
@@ -196,6 +198,17 @@ def air(medium: str, *, as_json: bool, plot: Path | None, **options: Any) -> Non
         )
     else:
         click.echo(_table(results))
+
+
+def _results(medium: str, options: dict[str, Any]) -> list[Carried]:
+    """What is carried at each load; says on stderr how far it is where that takes its time."""
+    results, loads, told_s = [], _loads(medium, options), monotonic()
+    for load_bps in loads:
+        results.append(_result(medium, load_bps, options))
+        if monotonic() - told_s > TELL_PERIOD_S and len(results) < len(loads):
+            told_s = monotonic()
+            click.echo(f"{len(results)} of {len(loads)} loads", err=True)
+    return results
 
 
 def _loads(medium: str, options: dict[str, Any]) -> Sequence[float]:
@@ -248,9 +261,10 @@ def _medium(medium: str, options: dict[str, Any]) -> AccessMedium:
         return AirTime(world, timing, limits, hearing)
     guard_ns = int(1e6 * options["guard_ms"])
     slot_ms = options["slot_ms"]
-    slot_ns = (
-        timing.duration_ns(options["length_bytes"]) + guard_ns if slot_ms is None else int(1e6 * slot_ms)
-    )
+    needed_ns = timing.duration_ns(options["length_bytes"]) + guard_ns
+    slot_ns = needed_ns if slot_ms is None else int(1e6 * slot_ms)
+    if slot_ns < needed_ns:
+        raise ValueError(f"--slot-ms {slot_ms:g}: a packet takes {needed_ns / 1e6:g} ms, its guard included")
     return Tdma(world, timing, Schedule.equal(tuple(world.nodes), slot_ns, guard_ns), limits, hearing)
 
 

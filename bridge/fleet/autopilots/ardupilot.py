@@ -66,10 +66,12 @@ class ArduPilot(Launcher):
         if on_path:
             return Path(on_path).resolve()
         looked = "".join(f"\n  {place}" for place in places)
+        vehicle = next(vehicle for vehicle, binary in BINARIES.items() if binary == name)
+        or_else = "; or fly the stand-in (autopilot: standin)" if vehicle == "copter" else ""
         raise AutopilotError(
             f"no ArduPilot binary {name!r} was found. Looked at:{looked}\n  {name} on PATH\n"
-            f"Build it by ArduPilot's documentation (./waf configure --board sitl && ./waf copter), then point to it "
-            f"with --ardupilot-dir DIR or {HOME_VARIABLE}=DIR; or fly the stand-in (autopilot: standin)."
+            f"Build it by ArduPilot's documentation (./waf configure --board sitl && ./waf {vehicle}), then point "
+            f"to it with --ardupilot-dir DIR or {HOME_VARIABLE}=DIR{or_else}."
         )
 
     def _places(self, name: str) -> Iterator[Path]:

@@ -31,7 +31,7 @@ def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: 
     \b
     Examples:
       lostlink check my.yaml
-      lostlink check my.yaml --radio telemetry-915 --set nodes.0.count=20
+      lostlink check my.yaml --radio telemetry-915 --set nodes.1.home.north_m=2000
       lostlink check my.yaml --json | jq .load.airtime_share
     """
     try:

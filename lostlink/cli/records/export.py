@@ -56,8 +56,11 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
                 raise ValueError(
                     f"{run}: this run has not ended yet; --csv and --mcap write what there is so far"
                 )
+            before = set(run.glob("*.parquet"))
             with version_noted(run):
                 finish_tables(run)
+            made = sorted(set(run.glob("*.parquet")) - before)
+            say("\n".join(map(str, made)) if made else f"{run}: its tables are Parquet already")
         folder.mkdir(parents=True, exist_ok=True)
         with version_noted(run):
             if as_csv:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from aps.status_view import LEGEND, TROUBLES, ask_over_http, tables
+from aps.status_view import LEGEND, TROUBLES, ask_over_http, tables, watch
 
 
 @contextmanager
@@ -135,3 +135,17 @@ def test_what_the_columns_mean_is_said_below_them_and_a_peer_is_shown_as_it_is()
     for column in ("turned away", "loops", "no route", "up", "ms", "lost", *TROUBLES):
         assert column in LEGEND
         assert column in text
+
+
+def test_a_file_gets_a_table_at_each_look(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted_at_the_third(_: float) -> None:
+        if next(looks) == 2:
+            raise KeyboardInterrupt
+
+    looks = iter(range(1, 3))
+    monkeypatch.setattr("aps.status_view.time.sleep", interrupted_at_the_third)
+    with answering(b"SSH\r\n", b"SSH\r\n") as url:
+        assert watch(1.0, once=False, as_json=False, urls=[url]) == 1
+    assert capsys.readouterr().out.count("this is not HTTP") == 2

@@ -12,7 +12,7 @@ import pytest
 
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.dirs import AutopilotDirs
-from bridge.fleet.autopilots.launcher import LaunchPlan
+from bridge.fleet.autopilots.launcher import AutopilotError, LaunchPlan
 from bridge.fleet.children.child import Child, ProcessSpec, start_anew
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
@@ -109,3 +109,19 @@ def test_ports_move_and_what_sitl_says_of_itself_does_not(tmp_path: Path) -> Non
 def test_mistake_is_told_with_its_place(value: str, key: str) -> None:
     with pytest.raises(ScenarioError, match=rf"my\.yaml:\d+: {key}"):
         parse_scenario(TEXT + f"parameters: {value}\n", "my.yaml")
+
+
+@pytest.mark.parametrize(
+    ("binary", "target", "end"),
+    [("arducopter", "copter", "; or fly the stand-in (autopilot: standin)."), ("arduplane", "plane", ".")],
+)
+def test_a_missing_binary_is_told_with_what_builds_it(
+    tmp_path: Path, binary: str, target: str, end: str
+) -> None:
+    """The stand-in flies multirotors only."""
+    with pytest.raises(AutopilotError) as told:
+        ArduPilot({"PATH": ""}, AutopilotDirs(ardupilot=tmp_path)).binary(binary)
+    text = str(told.value)
+    assert f"no ArduPilot binary '{binary}' was found" in text
+    assert f"./waf {target})" in text
+    assert text.endswith(f"--ardupilot-dir DIR or ARDUPILOT_HOME=DIR{end}")

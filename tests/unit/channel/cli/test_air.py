@@ -24,7 +24,7 @@ def results(*arguments: str) -> list[dict[str, Any]]:
     """The loads of a JSON output."""
     done = CliRunner().invoke(air, [*arguments, "--json"])
     assert done.exit_code == 0, done.output
-    loads: list[dict[str, Any]] = json.loads(done.output)["loads"]
+    loads: list[dict[str, Any]] = json.loads(done.stdout)["loads"]
     return loads
 
 
@@ -132,8 +132,8 @@ def test_table_and_plot(tmp_path: Path) -> None:
     file = tmp_path / "air.png"
     done = CliRunner().invoke(air, ["csma", "--duration", "1", "--nodes", "4", "--plot", str(file)])
     assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[0].split()[:2] == ["offered", "carried"]
-    assert len(done.output.splitlines()) == 8
+    assert done.stdout.splitlines()[0].split()[:2] == ["offered", "carried"]
+    assert len(done.stdout.splitlines()) == 8
     assert file.read_bytes().startswith(b"\x89PNG")
 
 
@@ -142,6 +142,22 @@ def test_a_mistake_is_one_line() -> None:
     done = CliRunner().invoke(air, ["csma", "--standard", "11b", "--rate-mbps", "54"])
     assert done.exit_code == 2
     assert "802.11b at 54 Mb/s: one of 1, 2, 5.5, 11" in done.output
+
+
+def test_slots_that_hold_no_packet_are_refused() -> None:
+    """200 bytes at 64 kb/s last 25 ms, and 5 ms of guard come to it."""
+    done = CliRunner().invoke(air, ["tdma", "--slot-ms", "29", "--guard-ms", "5"])
+    assert done.exit_code == 2
+    assert "--slot-ms 29: a packet takes 30 ms, its guard included" in done.output
+    assert results("tdma", "--slot-ms", "30", "--guard-ms", "5", "--duration", "2")[0]["delivered"] > 0
+
+
+def test_it_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter(range(0, 100, 3))
+    monkeypatch.setattr("channel.cli.air_command.monotonic", lambda: next(times))
+    done = CliRunner().invoke(air, ["tdma", "--duration", "1", "--load-bps", "1e3", "--load-bps", "2e3"])
+    assert done.exit_code == 0
+    assert done.stderr == "1 of 2 loads\n"
 
 
 @pytest.mark.parametrize("number", ["inf", "nan"])

@@ -92,11 +92,16 @@ def test_a_summary_that_is_none_is_told(tmp_path: Path, content: str) -> None:
 def test_parquet_of_a_killed_run_is_that_of_its_end(tmp_path: Path) -> None:
     ended, killed = make_run(tmp_path / "ended"), make_run(tmp_path / "killed", is_finished=False)
     assert not {"truth", "deliveries"} & digests(killed).keys()
-    assert run(killed, "--parquet").exit_code == 0
+    done = run(killed, "--parquet")
+    assert done.exit_code == 0
+    made = [Path(line).name for line in done.output.splitlines()]
+    assert {"truth.parquet", "deliveries.parquet"} <= set(made)
+    assert len(made) == len(set(made)) == len(list(killed.glob("*.parquet")))
     assert digests(killed) == digests(ended)
     assert not TRUTH.journal_path(killed).exists()
     assert pq.read_table(DELIVERIES.parquet_path(killed)).num_rows == 40
-    assert run(ended, "--parquet").exit_code == 0
+    done = run(ended, "--parquet")
+    assert (done.exit_code, done.output) == (0, f"{ended}: its tables are Parquet already\n")
 
 
 def test_a_run_that_goes_on_keeps_its_journal(tmp_path: Path) -> None:
