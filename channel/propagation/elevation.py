@@ -7,6 +7,7 @@ run's origin.
 from __future__ import annotations
 
 import importlib
+import re
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -24,8 +25,8 @@ ROWS_AT_ONCE = 16
 """Of the grid; so much of the file is in memory."""
 LOWEST_M, HIGHEST_M = -12_000.0, 9_000.0
 """Of the Earth, sea floor with it: other numbers are gaps that a file does not declare, or a wrong scale."""
-FEET = "ft", "foot", "feet"
-"""In the names that files have for units of feet, in capitals or not."""
+METRES = "m", "metre", "metres", "meter", "meters"
+"""First words of what files have for units of metres, in capitals or not."""
 
 
 class ElevationError(ValueError):
@@ -89,7 +90,8 @@ def _sampled(file: Path, lat_deg: FloatArray, lon_deg: FloatArray) -> FloatArray
         with rasterio.open(file) as data:
             if data.crs is None:
                 raise ElevationError(f"{file}: has no coordinate system")
-            if any(unit in (data.units[0] or "").lower() for unit in FEET):
+            unit = re.search("[a-z]+", (data.units[0] or "m").lower())
+            if unit and unit.group() not in METRES:
                 raise ElevationError(f"{file}: its heights are in {data.units[0]}: has to be metres")
             column, row = _pixels(data, lat_deg, lon_deg)
             inside = (

@@ -212,16 +212,17 @@ def test_scale_and_offset_of_a_file_count(tmp_path):
 
 
 @needs_rasterio
-@pytest.mark.parametrize("unit", ["ft", "US survey foot", "Feet", "ftUS"])
-def test_heights_in_feet_are_refused(tmp_path, unit):
+@pytest.mark.parametrize("unit", ["ft", "US survey foot", "Feet", "ftUS", "cm", "millimetre", "km"])
+def test_heights_in_other_units_are_refused(tmp_path, unit):
     file = changed_tile(tmp_path / "feet.tif", lambda heights: heights, units=unit)
     with pytest.raises(PresetError, match=rf"feet\.tif: its heights are in {unit}: has to be metres"):
         terrain(file)
 
 
 @needs_rasterio
-def test_a_unit_of_metres_may_say_more_than_its_name(tmp_path):
-    file = changed_tile(tmp_path / "metres.tif", lambda heights: heights, units="metre (above the reference)")
+@pytest.mark.parametrize("unit", ["metre (above the reference)", "[m]", "Meters EGM96"])
+def test_a_unit_of_metres_may_say_more_than_its_name(tmp_path, unit):
+    file = changed_tile(tmp_path / "metres.tif", lambda heights: heights, units=unit)
     assert terrain(file).propagation.height_m(*places()) == pytest.approx(
         terrain(TILE).propagation.height_m(*places())
     )
