@@ -375,7 +375,7 @@ def test_what_would_be_read_as_something_else_is_refused(tmp_path, text, words):
 
 def test_blanks_about_fields_and_empty_fields_behind_them_change_nothing(tmp_path):
     log = tmp_path / "log.csv"
-    log.write_text("distance_m , fate,,\n 10 , delivered ,,\n20,no_position \n30,delivered,,,\n")
+    log.write_text("distance_m , fate,,\n 10 , delivered ,,\n20,no_position \n30,delivered,,,\t\n")
     read = read_flight_log(log, 40)
     assert read.distance_m.tolist() == [10.0, 30.0]
     assert read.delivered.tolist() == [True, True]
