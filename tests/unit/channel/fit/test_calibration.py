@@ -363,6 +363,10 @@ PLACES = "tx_lat_deg,tx_lon_deg,tx_alt_m,rx_lat_deg,rx_lon_deg,rx_alt_m,delivere
             f"{PLACES}\n401330000,-1052400000,5,401340000,-1052400000,5,1\n",
             r"log\.csv:2: tx_lat_deg = 4.0133e\+08",
         ),
+        (
+            f"{PLACES}\n40,-105,5,90.001,-105,5,1\n",
+            r"log\.csv:2: rx_lat_deg = 90\.001: has to be from -90 to 90",
+        ),
         (f"{PLACES}\n40,-105,5,40,-361,5,1\n", r"log\.csv:2: rx_lon_deg = -361: has to be from -360 to 360"),
     ],
 )
