@@ -34,6 +34,6 @@ def rows_with_headings(
 def _rows(reader: csv.DictReader[str], width: int) -> Iterator[tuple[int, dict[str, str | None]]]:
     for row in reader:
         more: Sequence[str] = row.pop(None, ())
-        if any(more):
+        if any(map(str.strip, more)):
             raise csv.Error(f"line {reader.line_num} has {width + len(more)} fields under {width} headings")
         yield reader.line_num, {name: field and field.strip() for name, field in row.items()}

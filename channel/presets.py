@@ -230,7 +230,7 @@ def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tre
 def _csv_rows(file: Path, key: str) -> list[list[float]]:
     """Return the numbers of a CSV file, whose first line may be a heading."""
     try:
-        with file.open(encoding="utf-8", newline="") as lines:
+        with file.open(encoding="utf-8-sig", newline="") as lines:
             rows = [row for row in csv.reader(lines) if row]
     except OSError as error:
         raise PresetError(f"cannot read {file}: {error.strerror}", key=key) from error

@@ -19,7 +19,8 @@ class Variant(Settings):
         """Whether it is the same model with the same parameters, whatever it keeps beside them."""
         if type(self) is not type(other) or not isinstance(other, Variant) or self._own_key != other._own_key:
             return False
-        return all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
+        mine, its = ([getattr(model, name) for name in type(self).model_fields] for model in (self, other))
+        return mine == its  # of lists, in which the nan of a default equals itself
 
 
 def name_of(model: Variant) -> str:

@@ -15,6 +15,7 @@ from aps.held import HeldDaemon
 from aps.links.address import parse_autopilot
 from aps.links.kinds.called import CalledClient, CalledLink
 from aps.links.kinds.held import HeldLink
+from aps.vehicle.autopilots.autopilot import SYSTEM_TIME
 from aps.vehicle.status_text import MAX_REASON_SEVERITY, StatusText
 from aps.vehicle.streams import DEFAULT_RATES_HZ
 from bridge.agents.outlet import NodeOutlet
@@ -29,7 +30,6 @@ from bridge.run.px4 import px4_events_file
 from bridge.scenario.model import START_TIME_UNIX_S, Scenario
 from bridge.scenario.nodes import Aircraft
 
-SYSTEM_TIME = 2
 PX4_RATES_HZ = {message: rate for message, rate in DEFAULT_RATES_HZ.items() if message != SYSTEM_TIME}
 """PX4's SYSTEM_TIME has the time of the machine: no two records would be alike."""
 log = logging.getLogger("host")

@@ -54,7 +54,7 @@ class IdleAgents:
                     self._wakes.get(timeout=PATIENCE_S)
         finally:
             self._awaited = 0
-        self._call_all()
+            self._call_all()
 
     def _call_all(self) -> None:
         while self._idle:

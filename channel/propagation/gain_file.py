@@ -106,7 +106,11 @@ def _unpacked(values: Any, attributes: Mapping[str, Any]) -> FloatArray:
     numbers = np.array(values, dtype=np.float64)
     for name in ("_FillValue", "missing_value"):
         if name in attributes:
-            numbers[np.isin(numbers, np.asarray(attributes[name], dtype=np.float64))] = np.nan
+            declared = np.asarray(attributes[name], dtype=np.float64)
+            if values.dtype.kind == "f":  # in single precision no number is -99.9 as a double has it
+                with np.errstate(over="ignore"):
+                    declared = declared.astype(values.dtype)
+            numbers[np.isin(numbers, declared)] = np.nan
     scale, offset = (
         float(np.ravel(attributes.get(*each))[0]) for each in (("scale_factor", 1.0), ("add_offset", 0.0))
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -250,7 +251,7 @@ class _Reader:
         missing = ~np.isfinite(stored)
         for attribute in ("_FillValue", "missing_value"):
             if attribute in variable.attributes:
-                missing |= np.isin(stored, variable.attributes[attribute])
+                missing |= np.isin(stored, _as_stored(variable.attributes[attribute], variable.values.dtype))
         count = int(missing.sum())
         if count:
             raise self._error(variable, f"has {count} values that are missing or not finite")
@@ -298,6 +299,14 @@ class _Reader:
 
     def _error(self, variable: Variable, text: str) -> WindError:
         return WindError(f"{self._name}: variable {variable.name}: {text}")
+
+
+def _as_stored(declared: str | float | tuple[float, ...], kind: np.dtype[Any]) -> Any:
+    """What is declared as missing, as the variable has it: in single precision no number is a double's -99.9."""
+    if isinstance(declared, str) or kind.kind != "f":
+        return declared
+    with np.errstate(over="ignore"):
+        return np.asarray(declared, np.float64).astype(kind)
 
 
 def _role_of(variable: Variable) -> str | None:

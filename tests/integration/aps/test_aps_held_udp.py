@@ -92,8 +92,9 @@ async def test_times_of_the_machine_and_chance_in_answers_of_px4_are_told_once(h
     asks, answers = mavlink.MAVLink_timesync_message(0, 132), mavlink.MAVLink_timesync_message(1 << 40, 7)
     time = mavlink.MAVLink_system_time_message(1_795_750_890_000_000, 50)
     autopilot.heartbeat()
+    exchange(daemon, 0)
     for tick, (said, told) in enumerate(
-        [(asks, []), (time, ["SYSTEM_TIME"]), (answers, ["SYSTEM_TIME", "TIMESYNC"])]
+        [(asks, []), (time, ["SYSTEM_TIME"]), (answers, ["SYSTEM_TIME", "TIMESYNC"])], start=1
     ):
         autopilot.say(said)
         autopilot.say(said)

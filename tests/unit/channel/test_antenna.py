@@ -87,6 +87,13 @@ def test_pattern_without_rows_is_refused(tmp_path):
         presets.load_radio("perfect", {"antenna": antenna})
 
 
+def test_a_pattern_without_a_heading_keeps_the_first_row_of_a_file_as_spreadsheets_write_it(tmp_path):
+    (tmp_path / "horn.csv").write_text("0,0,9\n180,0,-9\n", encoding="utf-8-sig")
+    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
+    pattern = presets.load_radio("perfect", {"antenna": antenna}).antenna.pattern
+    assert pattern == ((0.0, 0.0, 9.0), (180.0, 0.0, -9.0))
+
+
 def test_pattern_from_csv(tmp_path):
     (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n0,0,9\n180,0,-9\n")
     (tmp_path / "mine.yaml").write_text(

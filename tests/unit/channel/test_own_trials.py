@@ -199,6 +199,7 @@ from pydantic import PrivateAttr
 
 class Keeps(Variant):
     exponent: float = 4.0
+    ends_m: float = float("nan")
     _decades: np.ndarray = PrivateAttr(default_factory=lambda: np.linspace(0.0, 7.0, 71))
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -79,6 +80,25 @@ async def test_the_newest_warning_of_its_autopilot_is_for_its_agent(tmp_path: Pa
         arrival(ua)
     assert ua.warning == "PreArm: Fences enabled, but none selected"
     aircraft.close()
+
+
+async def test_its_tlog_is_written_with_its_record_and_counted_whole(tmp_path: Path) -> None:
+    scenario = read_scenario("separation")
+    run = RunDirectory.create(tmp_path, scenario.name)
+    run.write(scenario, "tcp/127.0.0.1:1")
+    aircraft = HostedAircraft(run, scenario.ua[0], Said())  # type: ignore[arg-type]
+    frame = bytes(mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3).pack(mavlink.MAVLink(None, 1, 1)))
+    tlog = aircraft.daemon.tlog
+    assert tlog is not None
+    tlog.write(frame)
+    assert not tlog.paths, "it waits"
+    aircraft.flush_record()
+    assert tlog.paths[0].read_bytes()[8:] == frame
+    tlog.write(frame)
+    aircraft.close()
+    counters = json.loads((run.path / "reports" / "node-0.json").read_text())["counters"]
+    assert (counters["mavlink.tlog.frames"], tlog.paths[0].stat().st_size) == (2, 2 * (8 + len(frame)))
+    tlog.close()
 
 
 async def test_its_daemon_knows_the_events_of_the_px4_that_was_started(

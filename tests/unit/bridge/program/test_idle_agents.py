@@ -1,6 +1,8 @@
 import asyncio
 import threading
 
+import pytest
+
 import bridge.program.idle_agents as idle_agents
 from bridge.program.idle_agents import IdleAgents
 
@@ -73,6 +75,21 @@ def test_an_agent_that_takes_longer_is_called_by_the_event_loop(monkeypatch):
     while_waited, called = asyncio.run(tick())
     assert "b" not in while_waited
     assert called == ["a", "b"]
+
+
+def test_what_was_put_is_called_though_the_tick_fails():
+    async def tick():
+        idle, called = IdleAgents(), []
+
+        def begin():
+            idle.put(lambda: called.append("a"))
+            raise ArithmeticError
+
+        with pytest.raises(ArithmeticError):
+            idle.wait(begin, lambda: 1)
+        return called
+
+    assert asyncio.run(tick()) == ["a"]
 
 
 def test_with_nobody_at_work_nobody_is_waited_for():

@@ -363,6 +363,10 @@ PLACES = "tx_lat_deg,tx_lon_deg,tx_alt_m,rx_lat_deg,rx_lon_deg,rx_alt_m,delivere
             f"{PLACES}\n401330000,-1052400000,5,401340000,-1052400000,5,1\n",
             r"log\.csv:2: tx_lat_deg = 4.0133e\+08",
         ),
+        (
+            f"{PLACES}\n40,-105,5,90.001,-105,5,1\n",
+            r"log\.csv:2: rx_lat_deg = 90\.001: has to be from -90 to 90",
+        ),
         (f"{PLACES}\n40,-105,5,40,-361,5,1\n", r"log\.csv:2: rx_lon_deg = -361: has to be from -360 to 360"),
     ],
 )
@@ -375,7 +379,7 @@ def test_what_would_be_read_as_something_else_is_refused(tmp_path, text, words):
 
 def test_blanks_about_fields_and_empty_fields_behind_them_change_nothing(tmp_path):
     log = tmp_path / "log.csv"
-    log.write_text("distance_m , fate,,\n 10 , delivered ,,\n20,no_position \n30,delivered,,,\n")
+    log.write_text("distance_m , fate,,\n 10 , delivered ,,\n20,no_position \n30,delivered,,,\t\n")
     read = read_flight_log(log, 40)
     assert read.distance_m.tolist() == [10.0, 30.0]
     assert read.delivered.tolist() == [True, True]

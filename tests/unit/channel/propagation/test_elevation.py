@@ -253,7 +253,7 @@ def test_gaps_are_refused(tmp_path):
 
 
 @needs_rasterio
-@pytest.mark.parametrize("gap", [-32768.0, 3.4e38])
+@pytest.mark.parametrize("gap", [-32768.0, -12_001.0, 9001.0, 3.4e38])
 def test_gaps_that_a_file_does_not_declare_are_no_heights(tmp_path, gap):
     def with_gap(heights):
         heights = heights.astype("float32")
@@ -262,6 +262,13 @@ def test_gaps_that_a_file_does_not_declare_are_no_heights(tmp_path, gap):
 
     with pytest.raises(PresetError, match=rf"gaps\.tif: has a height of {re.escape(f'{gap:g}')} m"):
         terrain(changed_tile(tmp_path / "gaps.tif", with_gap))
+
+
+@needs_rasterio
+@pytest.mark.parametrize("height_m", [-10_994.0, 8849.0])
+def test_the_deepest_and_the_highest_place_of_earth_are_heights(tmp_path, height_m):
+    tile = changed_tile(tmp_path / "there.tif", lambda heights: np.full_like(heights, height_m, "float32"))
+    assert float(terrain(tile).propagation.height_m(0.0, 0.0)) == pytest.approx(height_m - HERE[2], abs=0.01)
 
 
 @needs_rasterio

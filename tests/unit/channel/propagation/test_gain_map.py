@@ -97,6 +97,15 @@ def test_packed_numbers_are_unpacked(tmp_path, write):
     assert found == pytest.approx(wanted, abs=0.00501, nan_ok=True)
 
 
+def test_numbers_of_single_precision_may_be_declared_missing_in_double(tmp_path):
+    gain_db = columns()["gain_db"].astype("f4")
+    gain_db[1, 1, 1, 1] = -99.9
+    write_hdf5(tmp_path / "map.nc4", gain_db=gain_db)
+    with h5py.File(tmp_path / "map.nc4", "a") as file:
+        file["gain_db"].attrs["missing_value"] = -99.9
+    assert np.argwhere(np.isnan(read_gain_file(tmp_path / "map.nc4").gain_db)).tolist() == [[1, 1, 1, 1]]
+
+
 def write_csv(file):
     rows = ["tx_north_m,tx_east_m,tx_height_m,rx_north_m,rx_east_m,rx_height_m,gain_db"]
     for k, tx in enumerate(TX):

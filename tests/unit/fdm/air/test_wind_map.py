@@ -213,7 +213,7 @@ def test_a_map_around_the_earth_has_no_seam(write_map, first_deg):
 @pytest.mark.usefixtures("in_process")
 def test_a_map_of_part_of_the_earth_keeps_its_edges(write_map):
     path = write_map(
-        axes={"y": [-90.0, 0.0, 90.0], "x": [5.0, 6.0, 7.0, 200.0]}, attributes=DEGREES, origin=False
+        axes={"y": [-90.0, 0.0, 90.00001], "x": [5.0, 6.0, 7.0, 200.0]}, attributes=DEGREES, origin=False
     )
     assert load_wind_map(path).axes[3][-1] == 200.0
     with pytest.raises(WindError, match="outside the map"):
@@ -312,9 +312,9 @@ def test_what_is_missing_is_everywhere_and_still(write_map):
     )
 
 
-def with_hole(name, values):
+def with_hole(name, values, hole=-999.0):
     return (
-        np.where(np.arange(values.size).reshape(values.shape) == 7, -999.0, values) if name == "v" else values
+        np.where(np.arange(values.size).reshape(values.shape) == 7, hole, values) if name == "v" else values
     )
 
 
@@ -353,10 +353,17 @@ def with_hole(name, values):
         ),
         (
             {
-                "axes": {"y": [46.0, 91.0]},
+                "attributes": {"v": {"missing_value": -99.9}},
+                "change": lambda n, v: with_hole(n, v, -99.9).astype("f4"),
+            },
+            "v: has 1 values that are missing",
+        ),
+        (
+            {
+                "axes": {"y": [46.0, 90.001]},
                 "attributes": {"y": {"units": "degrees_north"}, "x": {"units": "degrees_east"}},
             },
-            "variable y: goes from 46 to 91: latitudes are within 90",
+            r"variable y: goes from 46 to 90\.001: latitudes are within 90",
         ),
         ({"change": lambda n, v: v * np.nan}, r"variable \w: has 108 values that are missing or not finite"),
         ({"axes": {"member": [0.0, 1.0]}}, "variable member: is no axis of a wind map"),
