@@ -28,7 +28,8 @@ from channel.fit.likelihood import (
     Point,
 )
 from channel.fit.profile import HIGHER, HigherError, Mask, Side, climb, interval_end
-from channel.fit.result import Estimate, Fit, Goodness
+from channel.fit.residuals import DEPENDENT
+from channel.fit.result import GIVEN, Estimate, Fit, Goodness
 
 CHI2_95 = 3.841458820694124
 RESTARTS = 12
@@ -38,9 +39,9 @@ STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
 RIDGE_EXPONENTS = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 7.5, 10.0, 14.0, 20.0)
 
 
-def _independent(overrides: dict[str, Any], base: RadioConfig) -> dict[str, Any]:
-    """Return the overrides, with shadowing of a packet each where the base's is correlated."""
-    if base.shadowing.decorrelation_m is not None:
+def _shadowed(overrides: dict[str, Any], base: RadioConfig, independent: float) -> dict[str, Any]:
+    """Return the overrides, with shadowing of a packet each where the base's is correlated and the log's is not."""
+    if base.shadowing.decorrelation_m is not None and independent > DEPENDENT:
         overrides["shadowing"] |= {"model": "normal"}
     return overrides
 
@@ -54,20 +55,21 @@ def independent_fit(
     top: Top,
     independent: float,
 ) -> Fit:
-    """Return the fit of a log whose packets are independent of each other."""
+    """Return the fit of a log whose packets are taken as independent of each other."""
     best, ends = _intervals(likelihood, free, top)
     estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
     names, covariance = likelihood.covariance(best, _determined(free, estimates))
+    settled = likelihood.point(_settled(likelihood, best, free, ends))
     return Fit(
         estimates=estimates,
         log_likelihood=best.value,
         packets=log.packets,
         delivered=int(np.count_nonzero(log.delivered)),
-        overrides=_independent(likelihood.overrides(_settled(likelihood, best, free, estimates)), base),
+        overrides=_shadowed(likelihood.overrides(settled.at), base, independent),
         rssi_error_db=float(best.at[ERROR]) if likelihood.has_rssi else None,
-        level=likelihood.level(best, names, covariance, free),
+        level=likelihood.level(best, settled, names, covariance, free),
         correlations=correlations_of(names, covariance),
-        goodness=Goodness(independent, *readings_and_deliveries(likelihood, best), independent),
+        goodness=Goodness(independent, *readings_and_deliveries(likelihood, settled), independent),
     )
 
 
@@ -172,7 +174,7 @@ def _estimate(
     name = NAMES[index]
     if ends is None:
         note = "as given" if name in held else f"without RSSI it cannot be separated from {_twin(name)}"
-        return Estimate(name, None, -math.inf, math.inf, f"{note}: the base radio's")
+        return Estimate(name, None, -math.inf, math.inf, f"{note}: {GIVEN}")
     low, high = ends
     if math.isinf(low) or math.isinf(high):
         return Estimate(name, None, low, high, "the data do not determine it")
@@ -193,10 +195,17 @@ def _determined(free: Mask, estimates: tuple[Estimate, ...]) -> Mask:
     return determined
 
 
-def _settled(likelihood: Likelihood, best: Point, free: Mask, estimates: tuple[Estimate, ...]) -> Parameters:
-    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it."""
-    determined = _determined(free, estimates)
-    values = np.where(determined, best.at, likelihood.base_values)
-    if not determined[: len(NAMES)].any() or (determined == free).all():
-        return values
-    return climb(likelihood, values, determined).at
+def _settled(likelihood: Likelihood, best: Point, free: Mask, ends: Ends) -> Parameters:
+    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it.
+
+    One after the other: offset and sigma, open beside an open exponent, may be known as soon as it is the base's.
+    """
+    undetermined = [i for i, interval in ends.items() if not np.isfinite(interval).all()]
+    if not undetermined:
+        return best.at
+    fewer = free.copy()
+    fewer[undetermined[0]] = False
+    if not fewer[: len(NAMES)].any():
+        return likelihood.base_values
+    best, ends = _intervals(likelihood, fewer, highest(likelihood, fewer))
+    return _settled(likelihood, best, fewer, ends)

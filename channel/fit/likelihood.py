@@ -239,19 +239,30 @@ class Likelihood:
         return names, np.asarray((inverse * np.outer(slope, slope))[np.ix_(named, named)])
 
     def level(
-        self, best: Point, names: tuple[str, ...], covariance: FloatArray, free: NDArray[np.bool_]
+        self,
+        best: Point,
+        settled: Point,
+        names: tuple[str, ...],
+        covariance: FloatArray,
+        free: NDArray[np.bool_],
     ) -> Level | None:
-        """Return the mean power at the log's mean distance, its interval by the covariance of exponent and offset."""
+        """Return the mean power at the log's mean distance: the settled radio's, and an interval about the best one.
+
+        The interval is by the covariance of exponent and offset.
+        """
         if not free[[EXPONENT, OFFSET]].any():
             return None
         decades = float(np.mean(self._decades))
-        value = self._power_at_reference + float(best.at[OFFSET] - 10.0 * decades * best.at[EXPONENT])
+        value, middle = (
+            self._power_at_reference + float(each.at[OFFSET] - 10.0 * decades * each.at[EXPONENT])
+            for each in (settled, best)
+        )
         along = np.array(
             [{NAMES[EXPONENT]: -10.0 * decades, NAMES[OFFSET]: 1.0}.get(name, 0.0) for name in names]
         )
         known = all(NAMES[i] in names for i in (EXPONENT, OFFSET) if free[i])
         reach = 1.96 * math.sqrt(max(float(along @ covariance @ along), 0.0)) if known else math.inf
-        return Level(self._reference_m * 10.0**decades, value, value - reach, value + reach)
+        return Level(self._reference_m * 10.0**decades, value, middle - reach, middle + reach)
 
     def deliveries(self, at: Parameters) -> FloatArray:
         """Return the probability of delivery of each packet."""
