@@ -77,7 +77,7 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     likelihood = Likelihood(log, base)
     _check_held(likelihood, held)
     free = free_parameters(likelihood, held)
-    top = highest(likelihood, free)
+    top = highest(likelihood, free, likelihood.base_values)
     independent = chance_of_independence(likelihood.scores(top.best.at), along(log.distance_m, log.link))
     if independent > DEPENDENT:
         return independent_fit(log, base, likelihood, free, held, top, independent)

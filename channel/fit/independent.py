@@ -59,7 +59,7 @@ def independent_fit(
     best, ends = _intervals(likelihood, free, top)
     estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
     names, covariance = likelihood.covariance(best, _determined(free, estimates))
-    settled = likelihood.point(_settled(likelihood, best, free, ends))
+    settled = likelihood.point(_settled(likelihood, best, free, ends, likelihood.base_values))
     return Fit(
         estimates=estimates,
         log_likelihood=best.value,
@@ -92,10 +92,10 @@ class Top(NamedTuple):
     ridge: list[Point]
 
 
-def highest(likelihood: Likelihood, free: Mask) -> Top:
-    """Return the maximum."""
-    best = _climb_from_everywhere(likelihood, free)
-    ridge = _ridge(likelihood, best, free)
+def highest(likelihood: Likelihood, free: Mask, known: Parameters) -> Top:
+    """Return the maximum, what is not free as known."""
+    best = _climb_from_everywhere(likelihood, free, known)
+    ridge = _ridge(likelihood, best, free, known)
     best = max(
         (best, *(climb(likelihood, point.at, free) for point in ridge if point.value > best.value)),
         key=_value,
@@ -129,21 +129,18 @@ def _ends(
     return (likelihood.sigma_db(low), likelihood.sigma_db(high)) if index == SIGMA else (low, high)
 
 
-def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> Point:
+def _climb_from_everywhere(likelihood: Likelihood, free: Mask, known: Parameters) -> Point:
     """Return the best of the maxima that several starts lead to."""
-    known = likelihood.natural(likelihood.base_values)
     exponents = STARTS_EXPONENT if free[EXPONENT] else (float(known[EXPONENT]),)
-    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
-    starts = [
-        np.where(free, start, likelihood.base_values) for start in likelihood.starts(exponents, sigmas_db)
-    ]
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (likelihood.sigma_db(float(known[SIGMA])),)
+    starts = [np.where(free, start, known) for start in likelihood.starts(exponents, sigmas_db)]
     starts.sort(key=lambda start: likelihood.point(start).value, reverse=True)
     return max(
         (climb(likelihood, start, free) for start in starts[:MOST_STARTS]), key=lambda each: each.value
     )
 
 
-def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
+def _ridge(likelihood: Likelihood, best: Point, free: Mask, known: Parameters) -> list[Point]:
     """Return the best there is at each of many exponents.
 
     Without RSSI a steep law with much shadowing is nearly as likely as a flat one with little: the likelihood is a
@@ -151,14 +148,13 @@ def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
     """
     if likelihood.has_rssi or not free[EXPONENT]:
         return []
-    known = likelihood.natural(likelihood.base_values)
-    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (likelihood.sigma_db(float(known[SIGMA])),)
     others = free.copy()
     others[EXPONENT] = False
     points = []
     for exponent in RIDGE_EXPONENTS:
         starts = [*likelihood.starts((exponent,), sigmas_db), likelihood.at_exponent(best.at, exponent)]
-        allowed = (np.where(free, likelihood.inside(at), likelihood.base_values) for at in starts)
+        allowed = (np.where(free, likelihood.inside(at), known) for at in starts)
         start = max((likelihood.point(at) for at in allowed), key=_value)
         points.append(climb(likelihood, start.at, others))
     return points
@@ -195,17 +191,21 @@ def _determined(free: Mask, estimates: tuple[Estimate, ...]) -> Mask:
     return determined
 
 
-def _settled(likelihood: Likelihood, best: Point, free: Mask, ends: Ends) -> Parameters:
-    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it.
+def _settled(likelihood: Likelihood, best: Point, free: Mask, ends: Ends, known: Parameters) -> Parameters:
+    """Return the values for a radio: what the data do not determine is known, the rest the best beside it.
 
-    One after the other: offset and sigma, open beside an open exponent, may be known as soon as it is the base's.
+    One after the other: offset and sigma, open beside an open exponent, may be determined as soon as it is known. A
+    known value beyond the end that the data do set goes there.
     """
     undetermined = [i for i, interval in ends.items() if not np.isfinite(interval).all()]
     if not undetermined:
         return best.at
-    fewer = free.copy()
-    fewer[undetermined[0]] = False
+    first = undetermined[0]
+    values, fewer = likelihood.natural(known), free.copy()
+    values[first] = np.clip(values[first], *ends[first])
+    fewer[first] = False
+    known = likelihood.coordinates(values)
     if not fewer[: len(NAMES)].any():
-        return likelihood.base_values
-    best, ends = _intervals(likelihood, fewer, highest(likelihood, fewer))
-    return _settled(likelihood, best, fewer, ends)
+        return known
+    best, ends = _intervals(likelihood, fewer, highest(likelihood, fewer, known))
+    return _settled(likelihood, best, fewer, ends, known)
