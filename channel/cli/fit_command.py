@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +117,9 @@ def _text(found: Fit) -> str:
     level = found.level
     if level is not None:
         name = f"dBm at {level.distance_m:.4g} m"
-        rows.append(f"{name:<28}{level.value_dbm:>12.4g}   {level.low_dbm:.4g} .. {level.high_dbm:.4g}")
+        interval = f"{level.low_dbm:.4g} .. {level.high_dbm:.4g}"
+        note = "" if isfinite(level.high_dbm - level.low_dbm) else "the fitted radio's"
+        rows.append(f"{name:<28}{level.value_dbm:>12.4g}   {interval}  {note}".rstrip())
     for each in found.estimates:
         value = "-" if each.value is None else f"{each.value:.4g}"
         rows.append(f"{each.name:<28}{value:>12}   {each.low:.4g} .. {each.high:.4g}  {each.note}".rstrip())
@@ -138,6 +141,12 @@ def _strong_correlations(found: Fit) -> list[str]:
 
 def _goodness(goodness: Goodness, *, correlated: bool) -> list[str]:
     """Return what the log says of the model: chances below a hundredth say that it does not hold."""
+    first = goodness.independent_at_first
+    if goodness.independence is None and not correlated:
+        return [
+            f"packets depend on each other (chance of independence {first:.2g}); shadowing taken as independent",
+            "chance that the fitted radio is as far off: not known, its tests hold for independent packets",
+        ]
     kind = "correlated along the track" if correlated else "independent from packet to packet"
     chances = {
         "independence": goodness.independence,
@@ -146,6 +155,6 @@ def _goodness(goodness: Goodness, *, correlated: bool) -> list[str]:
     }
     said = [f"{name} {chance:.2g}" for name, chance in chances.items() if chance is not None]
     return [
-        f"shadowing taken as {kind} (chance of independence {goodness.independent_at_first:.2g})",
+        f"shadowing taken as {kind} (chance of independence {first:.2g})",
         f"chance that the fitted radio is as far off: {', '.join(said) or 'not known'}",
     ]

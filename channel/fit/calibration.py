@@ -30,7 +30,7 @@ from channel.fit.likelihood import (
     Likelihood,
 )
 from channel.fit.residuals import DEPENDENT, along, chance_of_independence
-from channel.fit.result import Estimate, Fit, Goodness
+from channel.fit.result import GIVEN, Estimate, Fit, Goodness
 from channel.presets import merged, radio_from_mapping
 
 MIN_PACKETS = 20
@@ -77,13 +77,14 @@ def fit_radio(log: FlightLog, base: RadioConfig, hold: Iterable[str] = ()) -> Fi
     likelihood = Likelihood(log, base)
     _check_held(likelihood, held)
     free = free_parameters(likelihood, held)
-    top = highest(likelihood, free)
+    top = highest(likelihood, free, likelihood.base_values)
     independent = chance_of_independence(likelihood.scores(top.best.at), along(log.distance_m, log.link))
     if independent > DEPENDENT:
         return independent_fit(log, base, likelihood, free, held, top, independent)
     one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
     if one_sided or not likelihood.has_rssi:
         fit = independent_fit(log, base, likelihood, free, held, top, independent)
+        fit = replace(fit, goodness=Goodness(None, None, None, independent))
         return _without_intervals(fit, ONE_SIDED_NOTE if one_sided else NO_RSSI_NOTE)
     return _correlated_fit(log, base, likelihood.natural(top.best.at)[: len(NAMES)], held, independent)
 
@@ -126,7 +127,7 @@ def _correlated_fit(
 def _without_intervals(fit: Fit, why: str) -> Fit:
     """Return a fit that claims nothing of what it fitted: its intervals would be too narrow."""
     estimates = tuple(
-        Estimate(each.name, None, -math.inf, math.inf, each.note if "base radio" in each.note else why)
+        Estimate(each.name, None, -math.inf, math.inf, each.note if each.note.endswith(GIVEN) else why)
         for each in fit.estimates
     )
     level = fit.level and replace(fit.level, low_dbm=-math.inf, high_dbm=math.inf)

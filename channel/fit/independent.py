@@ -28,7 +28,8 @@ from channel.fit.likelihood import (
     Point,
 )
 from channel.fit.profile import HIGHER, HigherError, Mask, Side, climb, interval_end
-from channel.fit.result import Estimate, Fit, Goodness
+from channel.fit.residuals import DEPENDENT
+from channel.fit.result import GIVEN, Estimate, Fit, Goodness
 
 CHI2_95 = 3.841458820694124
 RESTARTS = 12
@@ -38,9 +39,9 @@ STARTS_EXPONENT = (2.0, 3.5, 6.0, 12.0)
 RIDGE_EXPONENTS = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 7.5, 10.0, 14.0, 20.0)
 
 
-def _independent(overrides: dict[str, Any], base: RadioConfig) -> dict[str, Any]:
-    """Return the overrides, with shadowing of a packet each where the base's is correlated."""
-    if base.shadowing.decorrelation_m is not None:
+def _shadowed(overrides: dict[str, Any], base: RadioConfig, independent: float) -> dict[str, Any]:
+    """Return the overrides, with shadowing of a packet each where the base's is correlated and the log's is not."""
+    if base.shadowing.decorrelation_m is not None and independent > DEPENDENT:
         overrides["shadowing"] |= {"model": "normal"}
     return overrides
 
@@ -54,20 +55,21 @@ def independent_fit(
     top: Top,
     independent: float,
 ) -> Fit:
-    """Return the fit of a log whose packets are independent of each other."""
+    """Return the fit of a log whose packets are taken as independent of each other."""
     best, ends = _intervals(likelihood, free, top)
     estimates = tuple(_estimate(i, best, ends.get(i), likelihood, held) for i in range(len(NAMES)))
     names, covariance = likelihood.covariance(best, _determined(free, estimates))
+    settled = likelihood.point(_settled(likelihood, best, free, ends, likelihood.base_values))
     return Fit(
         estimates=estimates,
         log_likelihood=best.value,
         packets=log.packets,
         delivered=int(np.count_nonzero(log.delivered)),
-        overrides=_independent(likelihood.overrides(_settled(likelihood, best, free, estimates)), base),
+        overrides=_shadowed(likelihood.overrides(settled.at), base, independent),
         rssi_error_db=float(best.at[ERROR]) if likelihood.has_rssi else None,
-        level=likelihood.level(best, names, covariance, free),
+        level=likelihood.level(best, settled, names, covariance, free),
         correlations=correlations_of(names, covariance),
-        goodness=Goodness(independent, *readings_and_deliveries(likelihood, best), independent),
+        goodness=Goodness(independent, *readings_and_deliveries(likelihood, settled), independent),
     )
 
 
@@ -90,10 +92,10 @@ class Top(NamedTuple):
     ridge: list[Point]
 
 
-def highest(likelihood: Likelihood, free: Mask) -> Top:
-    """Return the maximum."""
-    best = _climb_from_everywhere(likelihood, free)
-    ridge = _ridge(likelihood, best, free)
+def highest(likelihood: Likelihood, free: Mask, known: Parameters) -> Top:
+    """Return the maximum, what is not free as known."""
+    best = _climb_from_everywhere(likelihood, free, known)
+    ridge = _ridge(likelihood, best, free, known)
     best = max(
         (best, *(climb(likelihood, point.at, free) for point in ridge if point.value > best.value)),
         key=_value,
@@ -127,21 +129,18 @@ def _ends(
     return (likelihood.sigma_db(low), likelihood.sigma_db(high)) if index == SIGMA else (low, high)
 
 
-def _climb_from_everywhere(likelihood: Likelihood, free: Mask) -> Point:
+def _climb_from_everywhere(likelihood: Likelihood, free: Mask, known: Parameters) -> Point:
     """Return the best of the maxima that several starts lead to."""
-    known = likelihood.natural(likelihood.base_values)
     exponents = STARTS_EXPONENT if free[EXPONENT] else (float(known[EXPONENT]),)
-    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
-    starts = [
-        np.where(free, start, likelihood.base_values) for start in likelihood.starts(exponents, sigmas_db)
-    ]
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (likelihood.sigma_db(float(known[SIGMA])),)
+    starts = [np.where(free, start, known) for start in likelihood.starts(exponents, sigmas_db)]
     starts.sort(key=lambda start: likelihood.point(start).value, reverse=True)
     return max(
         (climb(likelihood, start, free) for start in starts[:MOST_STARTS]), key=lambda each: each.value
     )
 
 
-def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
+def _ridge(likelihood: Likelihood, best: Point, free: Mask, known: Parameters) -> list[Point]:
     """Return the best there is at each of many exponents.
 
     Without RSSI a steep law with much shadowing is nearly as likely as a flat one with little: the likelihood is a
@@ -149,14 +148,13 @@ def _ridge(likelihood: Likelihood, best: Point, free: Mask) -> list[Point]:
     """
     if likelihood.has_rssi or not free[EXPONENT]:
         return []
-    known = likelihood.natural(likelihood.base_values)
-    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (float(known[SIGMA]),)
+    sigmas_db = STARTS_SIGMA_DB if free[SIGMA] else (likelihood.sigma_db(float(known[SIGMA])),)
     others = free.copy()
     others[EXPONENT] = False
     points = []
     for exponent in RIDGE_EXPONENTS:
         starts = [*likelihood.starts((exponent,), sigmas_db), likelihood.at_exponent(best.at, exponent)]
-        allowed = (np.where(free, likelihood.inside(at), likelihood.base_values) for at in starts)
+        allowed = (np.where(free, likelihood.inside(at), known) for at in starts)
         start = max((likelihood.point(at) for at in allowed), key=_value)
         points.append(climb(likelihood, start.at, others))
     return points
@@ -172,7 +170,7 @@ def _estimate(
     name = NAMES[index]
     if ends is None:
         note = "as given" if name in held else f"without RSSI it cannot be separated from {_twin(name)}"
-        return Estimate(name, None, -math.inf, math.inf, f"{note}: the base radio's")
+        return Estimate(name, None, -math.inf, math.inf, f"{note}: {GIVEN}")
     low, high = ends
     if math.isinf(low) or math.isinf(high):
         return Estimate(name, None, low, high, "the data do not determine it")
@@ -193,10 +191,21 @@ def _determined(free: Mask, estimates: tuple[Estimate, ...]) -> Mask:
     return determined
 
 
-def _settled(likelihood: Likelihood, best: Point, free: Mask, estimates: tuple[Estimate, ...]) -> Parameters:
-    """Return the values for a radio: what the data do not determine is the base's, the rest the best beside it."""
-    determined = _determined(free, estimates)
-    values = np.where(determined, best.at, likelihood.base_values)
-    if not determined[: len(NAMES)].any() or (determined == free).all():
-        return values
-    return climb(likelihood, values, determined).at
+def _settled(likelihood: Likelihood, best: Point, free: Mask, ends: Ends, known: Parameters) -> Parameters:
+    """Return the values for a radio: what the data do not determine is known, the rest the best beside it.
+
+    One after the other: offset and sigma, open beside an open exponent, may be determined as soon as it is known. A
+    known value beyond the end that the data do set goes there.
+    """
+    undetermined = [i for i, interval in ends.items() if not np.isfinite(interval).all()]
+    if not undetermined:
+        return best.at
+    first = undetermined[0]
+    values, fewer = likelihood.natural(known), free.copy()
+    values[first] = np.clip(values[first], *ends[first])
+    fewer[first] = False
+    known = likelihood.coordinates(values)
+    if not fewer[: len(NAMES)].any():
+        return known
+    best, ends = _intervals(likelihood, fewer, highest(likelihood, fewer, known))
+    return _settled(likelihood, best, fewer, ends, known)

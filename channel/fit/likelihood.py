@@ -103,7 +103,7 @@ class Likelihood:
         self.has_rssi = bool(heard.any())
         self._one_sided = isinstance(base.shadowing, OneSidedNormalShadowing)
         low, high = (np.array([LIMITS[name][end] for name in ALL_NAMES]) for end in (0, 1))
-        self.low, self.high = self._coordinates(low), self._coordinates(high)
+        self.low, self.high = self.coordinates(low), self.coordinates(high)
         distance = np.maximum(log.distance_m, base.min_distance_m)
         reference_m = float(getattr(base.propagation, "reference_distance_m", 1.0))
         self._reference_m = reference_m
@@ -134,9 +134,9 @@ class Likelihood:
         sigma_db = self._base.shadowing.spread_db
         base = self._base
         values = [exponent, base.offset_db, sigma_db, base.base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]]
-        return self._coordinates(np.array(values))
+        return self.coordinates(np.array(values))
 
-    def _coordinates(self, natural: FloatArray) -> Parameters:
+    def coordinates(self, natural: FloatArray) -> Parameters:
         """Return parameters from exponent, offset, sigma, base loss, floor and error."""
         out = np.array(natural, dtype=np.float64)
         out[SIGMA] = out[SIGMA] if self._one_sided else out[SIGMA] ** 2
@@ -167,7 +167,7 @@ class Likelihood:
         values[OFFSET] += 10.0 * (exponent - values[EXPONENT]) * self._far
         values[SIGMA] *= share
         values[EXPONENT] = exponent
-        return self.inside(self._coordinates(values))
+        return self.inside(self.coordinates(values))
 
     def inside(self, at: Parameters) -> Parameters:
         """Return the nearest place within the limits."""
@@ -183,7 +183,7 @@ class Likelihood:
         level = self._floor_dbm + 8.0 - self._power_at_reference
         rest = base_loss, self._floor_dbm, LIMITS[ERROR_NAME][0]
         return [
-            self._coordinates(np.array([exponent, level + 10.0 * exponent * far, sigma_db, *rest]))
+            self.coordinates(np.array([exponent, level + 10.0 * exponent * far, sigma_db, *rest]))
             for exponent in exponents
             for sigma_db in sigmas_db
         ]
@@ -205,7 +205,7 @@ class Likelihood:
             offset = level - self._power_at_reference
             floor = float(np.quantile(self._rssi_dbm[seen], 0.01)) - 6.0
             values = [float(slope), offset, max(spread, 0.3), base_loss, floor, 1.0]
-            out.append(self.inside(self._coordinates(np.array(values))))
+            out.append(self.inside(self.coordinates(np.array(values))))
         return out
 
     def point(self, at: Parameters) -> Point:
@@ -239,19 +239,30 @@ class Likelihood:
         return names, np.asarray((inverse * np.outer(slope, slope))[np.ix_(named, named)])
 
     def level(
-        self, best: Point, names: tuple[str, ...], covariance: FloatArray, free: NDArray[np.bool_]
+        self,
+        best: Point,
+        settled: Point,
+        names: tuple[str, ...],
+        covariance: FloatArray,
+        free: NDArray[np.bool_],
     ) -> Level | None:
-        """Return the mean power at the log's mean distance, its interval by the covariance of exponent and offset."""
+        """Return the mean power at the log's mean distance: the settled radio's, and an interval about the best one.
+
+        The interval is by the covariance of exponent and offset.
+        """
         if not free[[EXPONENT, OFFSET]].any():
             return None
         decades = float(np.mean(self._decades))
-        value = self._power_at_reference + float(best.at[OFFSET] - 10.0 * decades * best.at[EXPONENT])
+        value, middle = (
+            self._power_at_reference + float(each.at[OFFSET] - 10.0 * decades * each.at[EXPONENT])
+            for each in (settled, best)
+        )
         along = np.array(
             [{NAMES[EXPONENT]: -10.0 * decades, NAMES[OFFSET]: 1.0}.get(name, 0.0) for name in names]
         )
         known = all(NAMES[i] in names for i in (EXPONENT, OFFSET) if free[i])
         reach = 1.96 * math.sqrt(max(float(along @ covariance @ along), 0.0)) if known else math.inf
-        return Level(self._reference_m * 10.0**decades, value, value - reach, value + reach)
+        return Level(self._reference_m * 10.0**decades, value, middle - reach, middle + reach)
 
     def deliveries(self, at: Parameters) -> FloatArray:
         """Return the probability of delivery of each packet."""

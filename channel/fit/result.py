@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+GIVEN = "the base radio's"
+"""How the note of a parameter ends that was not fitted."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -32,7 +35,7 @@ class Level:
 
     Attributes:
         distance_m: geometric mean of the log's distances.
-        value_dbm: mean power there.
+        value_dbm: mean power of the fitted radio there.
         low_dbm: lower end of its 95 % interval; -inf if the data set none.
         high_dbm: upper end; inf if the data set none.
     """
@@ -49,10 +52,12 @@ class Goodness:
 
     Attributes:
         independence: that what is left of the packets is as correlated from each to the next; where the shadowing is
-            fitted as correlated, what is left after that; None with too few strong readings.
-        readings: that the scatter of the readings is as far from the law; None with too few, and where packets fade.
-        deliveries: that the deliveries by distance are as far from the curve; None where correlated shadowing leaves
-            it open, or there are too few losses.
+            fitted as correlated, what is left after that; None with too few strong readings, and where packets depend
+            on each other and are taken as independent for want of a law.
+        readings: that the scatter of the readings is as far from the law; None with too few, where packets fade, and
+            where packets depend on each other without a law.
+        deliveries: that the deliveries by distance are as far from the curve; None where packets depend on each other,
+            which leaves it open, or there are too few losses.
         independent_at_first: `independence` of a fit without correlation, which decides whether there is one.
     """
 

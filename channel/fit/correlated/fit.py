@@ -22,7 +22,7 @@ from channel.fit.correlated.search import BASE, DECORRELATION, FLOOR, SIGMA, Fou
 from channel.fit.correlated.taken import TakenLog
 from channel.fit.flight_log import FlightLog
 from channel.fit.likelihood import LIMITS
-from channel.fit.result import Estimate, Level
+from channel.fit.result import GIVEN, Estimate, Level
 
 DECORRELATION_NAME = "shadowing.decorrelation_m"
 K_NAME = "fading.k_db"
@@ -137,7 +137,7 @@ class CorrelatedFit:
 
     def _estimate(self, name: str) -> Estimate:
         if name in self._held:
-            return Estimate(name, None, *OPEN, "as given: the base radio's")
+            return Estimate(name, None, *OPEN, f"as given: {GIVEN}")
         if name in LINE_NAMES and self._is_no_law():
             return Estimate(name, None, *OPEN, NO_LAW_NOTE)
         low, high = self._both_ends(name)

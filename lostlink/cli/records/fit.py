@@ -55,12 +55,13 @@ def fit(
     The radio to start from needs log-distance propagation and normal, gudmundson or one-sided-normal shadowing; it
     gives the error model, powers and gains. Whether the shadowing is correlated along the track, and whether packets
     fade (Rice), is found from the log.
-    Prints each parameter with its 95 % interval, or that the data do not determine it.
+    Prints each parameter with its 95 % interval, or that the data do not determine it. A run has no RSSI: where its
+    shadowing is correlated along the track, as the default radio's is, no interval is given.
 
     \b
     Examples:
       lostlink fit flight.csv --radio corrected --out mine.yaml --plot fit.png
-      lostlink fit runs/20261121T120000Z-separation --radio moon2020
+      lostlink fit runs/20261121T120000Z-separation --radio corrected --hold propagation.exponent
       lostlink fit flight.csv --radio corrected --hold shadowing.sigma_db --json
       lostlink fit ground.tlog ua1.bin --radio corrected --receiver-at 40.13,-105.24,1580 --out mine.yaml
       lostlink link --radio mine.yaml --ground-distance 300         what the fitted radio does

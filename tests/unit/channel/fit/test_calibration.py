@@ -190,6 +190,27 @@ def test_all_delivered_with_rssi_fits_the_powers_and_leaves_the_floor():
     assert by_name["base_loss"].high == pytest.approx(1.92 / 500, rel=0.1)
 
 
+@pytest.mark.parametrize("weaker_db", [0.0, 20.0, 35.0])
+def test_a_base_whose_floor_the_readings_rule_out_does_not_move_what_they_determine(weaker_db):
+    """All arrived: a floor has no lower end, but an upper one, below the base's -95 dBm in the last two."""
+    base = presets.load_radio("corrected")
+    quiet = {"offset_db": -weaker_db, "noise": {"model": "fixed", "floor_dbm": -95.0 - weaker_db}}
+    log = synthetic(
+        presets.load_radio("corrected", quiet | {"shadowing": {"sigma_db": 2.0}}), 600, 50, 300, 1, True
+    )
+    assert log.delivered.all()
+    fit = fit_radio(log, base)
+    by_name = {each.name: each for each in fit.estimates}
+    assert by_name["noise.floor_dbm"].value is None
+    written = Radio(fitted_radio(fit, base, "mine"))
+    assert written.noise_floor_dbm <= by_name["noise.floor_dbm"].high
+    power_dbm = float(written.link(fit.level.distance_m).received_power_dbm)
+    assert power_dbm == pytest.approx(fit.level.value_dbm, abs=1e-6)
+    assert fit.level.low_dbm <= power_dbm <= fit.level.high_dbm
+    assert by_name["offset_db"].low <= written.config.offset_db <= by_name["offset_db"].high
+    assert np.mean(written.probability_of_delivery(log.distance_m)) > 0.995
+
+
 def test_without_rssi_the_floor_is_fitted_if_the_offset_is_known():
     config = presets.load_radio("moon2020", {"noise": {"model": "fixed", "floor_dbm": -334.0}})
     log = synthetic(config, 2000, 50, 600, 10)

@@ -65,6 +65,9 @@ STEEP = ParameterSet(
 )
 
 
+UNREAD = replace(STEEP, rssi=False)
+
+
 def test_independent_packets_are_fitted_as_before_from_a_correlated_radio_too():
     log = synthetic_log(STEEP, 1500, (9, 0))
     gudmundson = {"shadowing": {"model": "gudmundson", "sigma_db": 6.0, "decorrelation_m": 30.0}}
@@ -115,6 +118,60 @@ def test_what_cannot_be_said_of_dependent_packets_is_not_said(base, rssi, says):
         assert by_name[name].value is None
         assert by_name[name].low == -np.inf
     assert says in by_name["base_loss"].note
+
+
+GUDMUNDSON = ("shadowing.model=gudmundson", "shadowing.sigma_db=6", "shadowing.decorrelation_m=20")
+
+
+def written_from(file, log, settings=()):
+    """What the command prints of a log, as text and as JSON, and the radio that it writes."""
+    rows = [
+        f"{d!r},{int(ok)},{'' if np.isnan(r) else r}"
+        for d, ok, r in zip(log.distance_m.tolist(), log.delivered, log.rssi_dbm.tolist(), strict=True)
+    ]
+    file.write_text("\n".join(["distance_m,delivered,rssi_dbm", *rows]))
+    radio = file.with_suffix(".yaml")
+    options = [word for setting in settings for word in ("--set", setting)]
+    arguments = ["fit", str(file), "--radio", "corrected", "--out", str(radio), *options]
+    text, report = (
+        CliRunner().invoke(channel, [*arguments, *more], catch_exceptions=False).output
+        for more in ([], ["--json"])
+    )
+    return text, json.loads(report), load_radio(radio)
+
+
+@pytest.mark.parametrize("settings", [(), GUDMUNDSON])
+@pytest.mark.parametrize("dependent", [True, False])
+def test_the_written_radio_is_the_printed_one_where_deliveries_determine_little(
+    tmp_path, dependent, settings
+):
+    """Its power amid the log is the one of the first row, and of the log's packets as many arrive."""
+    log = log_of(TRUTH, (5, 1), rssi=False) if dependent else synthetic_log(UNREAD, 1500, (9, 2))
+    text, report, written = written_from(tmp_path / "flight.csv", log, settings)
+    by_name = {each["name"]: each for each in report["estimates"]}
+    assert by_name["propagation.exponent"]["value"] is None
+    assert (report["goodness"]["independent_at_first"] < DEPENDENT) is dependent
+    level = report["level"]
+    printed = next(row for row in text.splitlines() if row.startswith("dBm at"))
+    radio = Radio(written)
+    power_dbm = float(radio.link(level["distance_m"]).received_power_dbm)
+    assert power_dbm == pytest.approx(level["value_dbm"], abs=1e-6)
+    assert float(printed.split()[4]) == pytest.approx(power_dbm, abs=0.005)
+    assert printed.endswith("the fitted radio's")
+    arrives = float(np.mean(radio.probability_of_delivery(log.distance_m)))
+    assert arrives == pytest.approx(np.mean(log.delivered), abs=0.005)
+    kept = dependent and bool(settings)
+    assert written.shadowing.model == ("gudmundson" if kept else "normal")
+    assert written.shadowing.decorrelation_m == (20.0 if kept else None)
+
+
+def test_packets_that_depend_on_each_other_have_no_verdict_of_tests_for_independent_ones(tmp_path):
+    text, report, _ = written_from(tmp_path / "flight.csv", log_of(TRUTH, (5, 1), rssi=False))
+    chances = report["goodness"]
+    assert chances.pop("independent_at_first") < DEPENDENT
+    assert set(chances.values()) == {None}
+    assert "packets depend on each other (chance of independence" in text
+    assert "deliveries " not in text
 
 
 @pytest.mark.slow
