@@ -275,7 +275,7 @@ def _check_one_boot(file: Path, sysid: int, boot_s: Sequence[float]) -> None:
     """
     if any(later < earlier - 1.0 for earlier, later in pairwise(boot_s)):
         raise AutopilotLogError(
-            f"{file}: the clock of system {sysid} went back: it was booted anew; cut the log there"
+            f"{file}: the clock of system {sysid} went back: it was booted anew, or frames came late; cut the log there"
         )
 
 

@@ -28,19 +28,19 @@ def serve(run: RunDirectory) -> None:
     with open_client(run.info.endpoint, run.credentials("physics"), timeout_s=START_S) as session:
         bus = ClockOnBus(session, run)
         on_stop_signal(sys.exit)  # by an exception, so that workers that have just been started are ended
-        dynamics = FlownDynamics(run, Report(run.path, "physics"), bus)
         started: queue.SimpleQueue[bool] = queue.SimpleQueue()  # whose put takes no lock that a get may hold
+        dynamics = FlownDynamics(run, Report(run.path, "physics"), bus)
 
         def stop() -> None:
             started.put(False)
             dynamics.stop()
 
+        on_stop_signal(stop)
         session.subscribe(run.keys.clock_start, lambda _: started.put(True))
         bus.listen(dynamics.release)
         if run.scenario.lookahead_ticks:
             bus.listen_to_hosts(dynamics.exchanged)
         bus.hold(dynamics.exchange)
-        on_stop_signal(stop)
         session.declare_alive(run.keys.alive("physics"))
         log.info("serving UA on UDP ports %s", dynamics.exchange.ports)
         try:

@@ -70,8 +70,9 @@ FRAMES = "pandas"
 OWN_WRITES = (
     "; an agent that writes to a file that the scenario names does so in each run: it has self.directory"
 )
-TAKEN, INTERRUPTED = 3, 4
-"""Status of a case's process whose run could not start (`PortsTaken`), and of one that was asked to end."""
+TAKEN, INTERRUPTED = 203, 204
+"""Status of a case's process whose run could not start (`PortsTaken`), and of one that was asked to end: numbers that
+agents hardly leave with."""
 
 
 class PortsTaken(FleetError):

@@ -573,7 +573,8 @@ def test_an_agent_that_blocks_is_given_up(start_run: StartRun, tmp_path: Path, p
     told = rf"; the agent of UA 1: the tick at 2.00 s takes more than 5 s of wall time, in {place}; a run "
     assert re.match(rf"sim time has stood at 2\.00 s for \d+ s{told}", run.summary["error"])
     assert "needs fdm.stall_timeout_s above 45, half of what it waits\n" in run.summary["error"]
-    assert f"\nlogs/{host_of(processes)}.log: " in run.summary["error"]
+    log = "fleet" if processes == "one" else "router"
+    assert f"\nlogs/{log}.log: " in run.summary["error"]
     assert_tables_are_whole(run)
     assert_nothing_is_left(run, children)
 

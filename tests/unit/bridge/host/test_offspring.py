@@ -21,7 +21,7 @@ DEAF = (
 WAYS = {
     "a child": "start('sleep', '60').pid",
     "in a session of its own": "start('sleep', '60', start_new_session=True).pid",
-    "left behind by its parent": f"int(said(start(sys.executable, '-c', {LEFT_BEHIND!r}, stdout=-1)))",
+    "left behind by its parent": f"int(said_when_over(start(sys.executable, '-c', {LEFT_BEHIND!r}, stdout=-1)))",
     "deaf": f"int(said(start(sys.executable, '-c', 'import os; ' + {DEAF!r}, stdout=-1)))",
 }
 SCRIPT = """\
@@ -35,6 +35,10 @@ def start(*command, **options):
 
 def said(process):
     return process.stdout.readline()
+
+def said_when_over(process):
+    process.wait()
+    return said(process)
 
 before = start("sleep", "60")
 offspring = Offspring(Report(Path(sys.argv[1]), "fleet"))
