@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from channel.access.agenda import ACTS
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
+from channel.own_methods import OwnModelError
 from channel.routing.journey import Apart, Cargo, HopPacket, Journey, Leg, Nearness
 from channel.routing.router import Hop, HopRouter, Notice, Onward
 
@@ -224,7 +225,13 @@ class Routed:
     # Notices.
 
     def _tell(self, node: int) -> None:
-        notices, again_ns = self._router.notices(node, self._agenda.now_ns)
+        now_ns = self._agenda.now_ns
+        notices, again_ns = self._router.notices(node, now_ns)
+        if again_ns <= now_ns:
+            raise OwnModelError(
+                f"{type(self._router).__name__}.notices, called at {now_ns} ns, is to be called again at "
+                f"{again_ns} ns: has to be later"
+            )
         self._send_notices(node, notices)
         self._agenda.at(again_ns, ACTS, node, self._tell, node)
 

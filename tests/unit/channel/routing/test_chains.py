@@ -17,9 +17,10 @@ from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, wifi_g
 from channel.access.world import PlainWorld
 from channel.draws import Draws
+from channel.own_methods import OwnModelError
 from channel.routing.flood import Flood
 from channel.routing.routed import Routed
-from channel.routing.router import Forwarding, HopRouter
+from channel.routing.router import Forwarding, HopRouter, Notice
 from channel.routing.static import Static
 
 BIT_RATE = BitRate(64e3)
@@ -170,6 +171,28 @@ def test_life_times_go_on_from_hop_to_hop() -> None:
 
     assert loss(20_000_000) is Loss.EXPIRED  # at node 2 it would start after 27 ms
     assert loss(27_000_000) is None
+
+
+@pytest.mark.parametrize(("later_ns", "is_refused"), [(0, True), (-5, True), (1, False)])
+def test_a_router_is_asked_again_for_notices_at_a_later_instant(later_ns: int, is_refused: bool) -> None:
+    """Else it would be asked at one instant for ever."""
+
+    class Again(HopRouter):
+        def first_notice_ns(self, node: int) -> int | None:
+            return 1000 if node == 1 else None
+
+        def notices(self, node: int, now_ns: int) -> tuple[Sequence[Notice], int]:
+            return [], now_ns + later_ns
+
+    network = Routed(AirTime(chain(2), BIT_RATE), Again(names(2), Draws(1), Forwarding()))
+    if not is_refused:
+        assert network.live(2000) == []
+        return
+    told = (
+        rf"Again\.notices, called at 1000 ns, is to be called again at {1000 + later_ns} ns: has to be later"
+    )
+    with pytest.raises(OwnModelError, match=told):
+        network.live(2000)
 
 
 def rate(medium: AccessMedium, nodes: int, period_ns: int, until_ns: int) -> float:
