@@ -268,7 +268,7 @@ class Fleet:
                 )
 
     def _at_work(self) -> str:
-        """The agents, and the radio, that have been at the tick at which sim time stands, or in constructors, for long."""
+        """Agents, and the radio, that have been at the tick at which sim time stands, or in constructors, for long."""
         told = [
             f"; {WHOSE[event.kind]}{self._scenario.title(event.node)}: {event.text}"
             for event in self._blocked(AGENT_BLOCKED)
