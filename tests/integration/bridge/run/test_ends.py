@@ -672,6 +672,7 @@ def test_a_router_of_ones_own_that_never_answers_is_told_as_the_radio_with_its_l
     assert "waits for the radio\n" in said
     log = (run.directory / "logs" / ("fleet.log" if processes == "one" else "router.log")).read_text()
     assert re.search(r'mine\.py", line 1[01], in notices\n', log)
+    assert re.search(r'mine\.py", line 1[01] in notices\n', log)  # when it was killed
 
 
 FULL = """\
