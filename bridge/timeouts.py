@@ -48,6 +48,8 @@ FLIGHT_GRACE_S = 1.5
 """For autopilots and physics."""
 ROUTER_GRACE_S = 10.0
 """For the radio to say the next word of how far its record is: it may take any time as long as it gets on."""
+STACKS_S = 0.2
+"""For a process that is to be killed to write to its log what it is at."""
 FIRST_STATE_S = 2.0
 """For a script that joins a run to get its node's state: a clock that is held brings none."""
 RADIO_ANSWER_S = 10.0

@@ -28,14 +28,23 @@ from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
 from bridge.fleet.preflight.ports import HOST
 from bridge.fleet.preflight.preflight import launchers_of
-from bridge.record.events import AGENT_BLOCKED, DIED, KILLED, WHOSE, Report, read_reports
+from bridge.record.events import (
+    AGENT_BLOCKED,
+    DIED,
+    KILLED,
+    RADIO_BLOCKED,
+    WHOSE,
+    Report,
+    RunEvent,
+    read_reports,
+)
 from bridge.record.names import PROVENANCE_FILE
 from bridge.record.provenance import Provenance, collect, files_changed_since, write_provenance
 from bridge.run.directory import LOG_FOLDER, SECRETS_FOLDER, RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import airframe_of, home_of
 from bridge.scenario.resolve.named_files import named_code
-from bridge.timeouts import FAILURE_GRACE_S, LOOK_PERIOD_S, SILENCE_S
+from bridge.timeouts import BLOCKED_S, FAILURE_GRACE_S, LOOK_PERIOD_S, SILENCE_S
 
 T = TypeVar("T")
 ARRANGEMENTS: dict[How, type[Arrangement]] = {"many": ManyProcesses, "one": OneProcess, "task": OneTask}
@@ -105,6 +114,7 @@ class Fleet:
         self._last_tick = asyncio.get_running_loop().time()
         self._pace = (False, scenario.speed_factor)
         """Whether an operator holds the clock, and the speed that is aimed at."""
+        self._told_of_radio: RunEvent | None = None
         self._news = asyncio.Event()
         self.glance = observer.glance
 
@@ -173,7 +183,7 @@ class Fleet:
         try:
             await parts.ready()
         except FleetError as error:
-            raise FleetError(f"{error}{self._agents_at_work()}") from error
+            raise FleetError(f"{error}{self._at_work()}") from error
 
     def _write_run(self) -> None:
         """Write what the parts read: where the router is, if there is one, and who may log in."""
@@ -247,24 +257,38 @@ class Fleet:
             for text in sizes.told():
                 self._observer.on_warning(text)
             silence_s = silence_s + LOOK_PERIOD_S if self._last_tick == before else 0.0
+            if silence_s > BLOCKED_S:
+                self._tell_of_the_radio()
             if silence_s > patience_s:
                 at_s = self.course.sim_time_ns / 1e9
                 raise FleetError(
-                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s{self._agents_at_work()}; a run whose "
+                    f"sim time has stood at {at_s:.2f} s for {silence_s:.0f} s{self._at_work()}; a run whose "
                     f"ticks take longer needs fdm.stall_timeout_s above {patience_s / 2:g}, half of what it waits"
                     f"{self._crew.tails()}"
                 )
 
-    def _agents_at_work(self) -> str:
-        """The agents that have been at the tick at which sim time stands, or in their constructors, for long."""
+    def _at_work(self) -> str:
+        """Agents, and the radio, that have been at the tick at which sim time stands, or in constructors, for long."""
+        told = [
+            f"; {WHOSE[event.kind]}{self._scenario.title(event.node)}: {event.text}"
+            for event in self._blocked(AGENT_BLOCKED)
+        ]
+        told += [f"; the radio: {event.text}" for event in self._blocked(RADIO_BLOCKED)]
+        return "".join(told)
+
+    def _blocked(self, kind: str) -> list[RunEvent]:
+        """What was reported of the tick at which sim time stands."""
         scenario = self._scenario
         since_ns = self.course.sim_time_ns - scenario.lookahead_ticks * scenario.tick_period_ns
-        told = [
-            f"; {WHOSE[event.kind]}{scenario.title(event.node)}: {event.text}"
-            for event in read_reports(self._run.path).events
-            if event.kind == AGENT_BLOCKED and event.sim_time_ns >= since_ns
-        ]
-        return "".join(told)
+        events = read_reports(self._run.path).events
+        return [event for event in events if event.kind == kind and event.sim_time_ns >= since_ns]
+
+    def _tell_of_the_radio(self) -> None:
+        """Say, once until the next tick, that it is the radio for which all wait."""
+        if self._told_of_radio is None and (events := self._blocked(RADIO_BLOCKED)):
+            self._told_of_radio = events[-1]
+            self._observer.on_warning(f"the radio: {events[-1].text}")
+            self._observer.on_phase("waits for the radio")
 
     async def _end(self) -> None:
         """End everything, and say what came for the supervisor and was not handled; and whom it had to kill."""
@@ -291,6 +315,9 @@ class Fleet:
     def clock(self, clock: Clock) -> None:
         """A tick."""
         self._last_tick = asyncio.get_running_loop().time()
+        if self._told_of_radio is not None:
+            self._told_of_radio = None
+            self._observer.on_phase("flies")
         for node, error in self.course.tick(clock):
             if node in self.course.unfinished:
                 self._settle(error)

@@ -19,9 +19,10 @@ from bridge.radio.picture import Picture, Row
 from bridge.radio.repeated import RepeatedPackets
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused
+from bridge.radio.settling_watch import SettlingWatch
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
-from bridge.record.events import AGENT_WARNING, Report, transmits_freely
+from bridge.record.events import AGENT_WARNING, RADIO_BLOCKED, Report, transmits_freely
 from bridge.record.packets import encode_packet
 from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
@@ -76,6 +77,7 @@ class RecordedRadio:
         scenario = run.scenario
         nodes = scenario.transceiver_ids
         self._run, self._report = run, report
+        self._watch = SettlingWatch(self._is_blocked)
         ring = Ring(
             scenario.regulated,
             tasks=scenario.nodes_with_a_task,
@@ -210,13 +212,19 @@ class RecordedRadio:
         self._settled_ns = sim_time_ns
         self._repeat(self.core.ring.received_ns)
         try:
-            settled = self.core.settle()
+            with self._watch.at(sim_time_ns):
+                settled = self.core.settle()
         except BaseException:
             self._has_lost_fates = True
             raise
         told = self._sensors.measure(sim_time_ns) if self._sensors is not None else ()
         self.picture.take(settled.columns)
         return SettledTick(sim_time_ns, settled, self.picture.changed(), told)
+
+    def _is_blocked(self, sim_time_ns: int, text: str) -> None:
+        """On disk at once: no other tick may come, and whoever gives the run up reads it."""
+        self._report.event(sim_time_ns, "", RADIO_BLOCKED, text)
+        self._report.flush()
 
     def _repeat(self, before_ns: int) -> None:
         """Take what programs transmitted as free nodes in the run that is repeated."""
@@ -290,6 +298,7 @@ class RecordedRadio:
 
     def close(self) -> None:
         """Close the files of the record as they are."""
+        self._watch.close()
         self._writer.close()
         if self._routes is not None:
             self._routes.close()

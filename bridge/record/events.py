@@ -29,6 +29,8 @@ KILLED = "killed"
 
 AGENT_BLOCKED = "agent_blocked"
 """Kind of the event that an agent is at work on a tick for long by wall time, and all the run waits for it."""
+RADIO_BLOCKED = "radio_blocked"
+"""Kind of the event that the radio is at the packets of a tick for long by wall time, and all the run waits for it."""
 AGENT_WARNING = "agent_warning"
 """Kind of the event that an agent does what its author cannot want."""
 OTHER_SYSTEM = "other_system"

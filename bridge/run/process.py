@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import faulthandler
 import logging
 import signal
 import sys
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 DRIVEN = ("aps", "uvicorn", "aircraft", "host", "replies", "inbox")
 """Loggers whose lines come from what others do, as often as they like: `aps.logs.repeats`."""
+STDERR_FD = 2
 current_node: ContextVar[str] = ContextVar("current_node", default="")
 """The node that is being worked for, for the log of a process that has several."""
 
@@ -108,8 +110,9 @@ def add_run_arguments(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def log_to_files(arguments: argparse.Namespace) -> RunDirectory:
-    """The run of the arguments; from now on its log goes to the run's files and stderr."""
+    """The run of the arguments; from now on its log goes to the run's files and stderr, with SIGUSR1 all stacks too."""
     run = RunDirectory(Path(arguments.run_dir))
+    faulthandler.register(signal.SIGUSR1, file=STDERR_FD)
     logs = NodeLogs(run)
     logging.basicConfig(level=logging.INFO, handlers=[logs])
     atexit.register(logs.close)  # a fork has only what it registers itself

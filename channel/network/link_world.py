@@ -136,6 +136,11 @@ class LinkWorld:
             for frame, row in zip(frames, delays, strict=True)
         ]
 
+    def apart_m(self, node: int, other: int, at_ns: int) -> float:
+        """How far two nodes are from each other at an instant."""
+        way = self._medium.positions_ned_m(np.array([at_ns]))[:, 0]
+        return float(np.linalg.norm(way[:, node] - way[:, other]))
+
     def expect(self, frames: Sequence[AirFrame]) -> None:
         """Draw frames in one pass that may start before anything in the world is told anew."""
         drawn = self._draw(frames)

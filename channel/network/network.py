@@ -117,7 +117,9 @@ class Network:
     ) -> None:
         self._world = LinkWorld(medium, judge)
         self._access = open_medium(self._world)
-        self._routed = None if router is None else Routed(self._access, router, self._distance_m)
+        self._routed = (
+            None if router is None else Routed(self._access, router, self._distance_m, self._world.apart_m)
+        )
         self._packets: PacketNetwork = self._access if self._routed is None else self._routed
         self._ways: dict[tuple[int, int], tuple[int, ...]] = {}
         """Of the latest packet that came, by sender and receiver."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from channel.access.packets import AirPacket
+from channel.access.packets import AirPacket, Loss
 from channel.draws import Draws
 from channel.routing.router import Forwarding, Hop, HopRouter, Onward
 
@@ -39,4 +39,4 @@ class Flood(HopRouter):
     def hand_on(self, node: int, packet: AirPacket, way: Sequence[int]) -> Onward:
         """Once, after a while that is drawn: those who heard it together do not all transmit together."""
         del packet
-        return [Hop(None, self._delay_ns(node))] if len(way) < self._hop_limit else ()
+        return [Hop(None, self._delay_ns(node))] if len(way) < self._hop_limit else Loss.HOP_LIMIT

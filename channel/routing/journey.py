@@ -10,6 +10,8 @@ from channel.access.packets import AirFate, AirFrame, AirPacket, Loss
 
 Nearness = Callable[[AirFrame, int], float]
 """How far a frame's transmitter was from a node, m."""
+Apart = Callable[[int, int, int], float]
+"""How far two nodes are from each other at an instant, ns, m."""
 NOWHERE = float("inf")
 
 
@@ -20,6 +22,7 @@ class Journey:
         packet: as its sender gave it.
         receivers: whom it is for.
         distance_m: of a frame from a node.
+        apart_m: of two nodes.
 
     Attributes:
         packet: as given.
@@ -27,10 +30,13 @@ class Journey:
         under_way: copies that are in a queue, on the air, or about to be.
     """
 
-    __slots__ = ("_distance_m", "_missed", "_open", "packet", "seen", "under_way")
+    __slots__ = ("_apart_m", "_distance_m", "_missed", "_open", "packet", "seen", "under_way")
 
-    def __init__(self, packet: AirPacket, receivers: Iterable[int], distance_m: Nearness) -> None:
-        self.packet, self._open, self._distance_m = packet, set(receivers), distance_m
+    def __init__(
+        self, packet: AirPacket, receivers: Iterable[int], distance_m: Nearness, apart_m: Apart
+    ) -> None:
+        self.packet, self._open = packet, set(receivers)
+        self._distance_m, self._apart_m = distance_m, apart_m
         self.seen = {packet.node}
         self.under_way = 0
         self._missed: dict[int, tuple[float, AirFate]] = {}
@@ -67,14 +73,21 @@ class Journey:
                 self._missed[node] = distance_m, found
 
     def stopped(self, loss: Loss, at_ns: int, last: AirFate | None, leg: Leg | None) -> None:
-        """A node does not send it on; `last` brought it there, None: it is its sender."""
-        started_ns, ended_ns = (-1, -1) if last is None else (last.started_ns, last.ended_ns)
-        attempts = 0 if last is None or leg is None else leg.attempts + last.attempts
-        way = () if leg is None else leg.way
+        """A node does not send it on: this tells why it did not come where that node is nearer than what was lost.
+
+        `last` brought it there, None: it is its sender.
+        """
+        if last is None or leg is None:
+            holder, found = self.packet.node, AirFate(self.packet, -1, at_ns, -1, -1, 0, loss)
+        else:
+            holder, attempts = last.receiver, leg.attempts + last.attempts
+            found = replace(
+                last, packet=self.packet, attempts=attempts, loss=loss, met_at=holder, way=leg.way
+            )
         for node in self._open:
-            if node not in self._missed:
-                fate = AirFate(self.packet, node, at_ns, started_ns, ended_ns, attempts, loss, way=way)
-                self._missed[node] = NOWHERE, fate
+            distance_m, known = self._apart_m(holder, node, at_ns), self._missed.get(node)
+            if known is None or distance_m < known[0]:
+                self._missed[node] = distance_m, replace(found, receiver=node)
 
     def ended(self, now_ns: int) -> Iterator[AirFate]:
         """No copy is under way any more: what became of it where it did not come."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from channel.access.agenda import ACTS
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
-from channel.routing.journey import Cargo, HopPacket, Journey, Leg, Nearness
+from channel.own_methods import OwnModelError
+from channel.routing.journey import Apart, Cargo, HopPacket, Journey, Leg, Nearness
 from channel.routing.router import Hop, HopRouter, Notice, Onward
 
 
@@ -41,25 +42,37 @@ def _everywhere(_frame: AirFrame, _node: int) -> float:
     return 0.0
 
 
+def _together(_node: int, _other: int, _at_ns: int) -> float:
+    return 0.0
+
+
 class Routed:
     """A network on a medium that nothing was sent over yet.
 
     The medium has packets of this network alone: each hop is one, numbered by who transmits it. Outcomes are those of
     the packets that were offered: delivered with the first copy that comes, lost when no copy is under way any more, by
-    the cause of the copy whose transmitter was nearest. What a sender learns of a unicast is what its first hop says
-    (of a flood's nothing), or that it has no route.
+    the cause of the copy whose transmitter, or who would have handed it on, was nearest. What a sender learns of a
+    unicast is what its first hop says (of a flood's nothing), or that it has no route.
 
     Args:
         medium: of the network.
         router: who sends what on.
         distance_m: of a frame's transmitter from a node.
+        apart_m: of two nodes.
 
     Attributes:
         counts: so far.
     """
 
-    def __init__(self, medium: AccessMedium, router: HopRouter, distance_m: Nearness = _everywhere) -> None:
-        self._medium, self._router, self._distance_m = medium, router, distance_m
+    def __init__(
+        self,
+        medium: AccessMedium,
+        router: HopRouter,
+        distance_m: Nearness = _everywhere,
+        apart_m: Apart = _together,
+    ) -> None:
+        self._medium, self._router = medium, router
+        self._distance_m, self._apart_m = distance_m, apart_m
         self._agenda = medium.agenda
         self._nodes = tuple(sorted(medium.world.nodes))
         self._numbers = dict.fromkeys(self._nodes, 0)
@@ -98,7 +111,7 @@ class Routed:
     # Packets.
 
     def _begin(self, packet: AirPacket) -> None:
-        journey = Journey(packet, self.receivers_of(packet), self._distance_m)
+        journey = Journey(packet, self.receivers_of(packet), self._distance_m, self._apart_m)
         is_off = self._medium.is_off(packet.node, packet.at_ns)
         onward = Loss.RADIO_OFF if is_off else self._router.send(packet.node, packet)
         self._go_on(journey, packet.node, onward, None, None)
@@ -212,7 +225,13 @@ class Routed:
     # Notices.
 
     def _tell(self, node: int) -> None:
-        notices, again_ns = self._router.notices(node, self._agenda.now_ns)
+        now_ns = self._agenda.now_ns
+        notices, again_ns = self._router.notices(node, now_ns)
+        if again_ns <= now_ns:
+            raise OwnModelError(
+                f"{type(self._router).__name__}.notices, called at {now_ns} ns, is to be called again at "
+                f"{again_ns} ns: has to be later"
+            )
         self._send_notices(node, notices)
         self._agenda.at(again_ns, ACTS, node, self._tell, node)
 

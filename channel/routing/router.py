@@ -105,7 +105,7 @@ class HopRouter:
         return None
 
     def notices(self, node: int, now_ns: int) -> tuple[Sequence[Notice], int]:
-        """What a node tells its neighbours now, and when it does so again."""
+        """What a node tells its neighbours now, and at which later instant it is asked again."""
         raise NotImplementedError
 
     def take(self, node: int, sender: int, content: object, now_ns: int) -> Sequence[Notice]:

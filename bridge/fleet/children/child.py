@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from typing import Any, BinaryIO, Protocol
 
 from bridge.fleet.children.environment import environment_of
 from bridge.fleet.children.last_words import last_words
+from bridge.timeouts import STACKS_S
 from fdm.module_process import how_it_ended
 
 LEASH = Path(__file__).with_name("leash.py")
@@ -159,6 +161,13 @@ class Child:
         """Send its stop signal."""
         self._process.send_signal(self.spec.stop_signal)
 
+    def says_where(self) -> bool:
+        """Have a process of ours write the stacks of its threads to its log (`log_to_files`); whether it is one."""
+        if not _catches(self.pid, signal.SIGUSR1):
+            return False
+        self._process.send_signal(signal.SIGUSR1)
+        return True
+
     def kill(self) -> None:
         """End it at once, and what it has started."""
         import psutil  # late: few have to be killed
@@ -185,6 +194,16 @@ class Child:
             return ""
 
 
+def _catches(pid: int, number: signal.Signals) -> bool:
+    """Whether a process has a handler for a signal, as far as the kernel says so."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
+    except OSError:
+        return False
+    caught = re.search(r"^SigCgt:\s*([0-9a-f]+)$", status, re.MULTILINE)
+    return caught is not None and bool(int(caught[1], 16) >> (number - 1) & 1)
+
+
 def on_a_leash(command: Sequence[str]) -> list[str]:
     """The command such that the kernel ends it with us, where the kernel can (see leash.py)."""
     if sys.platform != "linux":
@@ -194,13 +213,19 @@ def on_a_leash(command: Sequence[str]) -> list[str]:
 
 
 async def end_all(children: Sequence[Child], grace_s: float) -> list[str]:
-    """Ask all to end, wait ``grace_s`` (wall time), kill those that are left. Returns the names of the killed."""
+    """Ask all to end, wait ``grace_s`` (wall time), kill those that are left, whose logs have what they were at.
+
+    Returns:
+        The names of the killed.
+    """
     for child in children:
         child.ask_to_end()
     waiting = [child.ended for child in children]
     if waiting:
         await asyncio.wait(waiting, timeout=grace_s)
     late = [child for child in children if not child.ended.done()]
+    if [child for child in late if child.says_where()]:
+        await asyncio.sleep(STACKS_S)
     for child in late:
         child.kill()
     await asyncio.gather(*waiting)

@@ -85,12 +85,12 @@ class Mesh(HopRouter):
 
     def hand_on(self, node: int, packet: AirPacket, way: Sequence[int]) -> Onward:
         """Likewise; what is for all only if there is a neighbour who may not have it."""
-        if packet.to is None:
-            if len(way) >= TTL or not self.stations[node].has_others(packet.node, way[-1]):
-                return ()
-            return self._broadcasts(self._delay_ns(node))
         if len(way) >= TTL:
             return Loss.HOP_LIMIT
+        if packet.to is None:
+            if not self.stations[node].has_others(packet.node, way[-1]):
+                return ()
+            return self._broadcasts(self._delay_ns(node))
         return _to_next(self.stations[node].onward_to(packet.to), self._delay_ns(node))
 
     def refuses(self, node: int, packet: AirPacket) -> Loss | None:

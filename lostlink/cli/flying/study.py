@@ -248,7 +248,7 @@ def _show(news: Iterator[Standing], console: Console) -> int:
 
 def _line(standing: Standing, ready_at: float) -> str:
     line = f"{standing.done} of {standing.count} runs"
-    if not ready_at:
+    if not ready_at or standing.done >= standing.count:
         return line
     remaining_s = ready_at - monotonic()
     if remaining_s <= 0.0:

@@ -127,11 +127,11 @@ def test_a_flood_from_scenario_to_record(flown: Fly) -> None:
     assert {rx: [row["fate"] for row in each] for rx, each in found.items()} == {
         "g1": ["delivered"],
         "g2": ["delivered"],
-        "g3": ["out_of_range"],
+        "g3": ["hop_limit"],
     }
     [row] = found["g2"]
     assert row["arrived_ns"] - row["entered_ns"] == pytest.approx(2 * FRAME_NS + 1_000_000, abs=2_000)
-    assert found["g3"][0]["distance_m"] == pytest.approx(200.0, abs=0.5)  # of the nearest who transmitted it
+    assert found["g3"][0]["distance_m"] == pytest.approx(100.0, abs=0.5)  # of the hop that brought it to g2
     heard = (run.path / "agents" / "g2" / "heard.jsonl").read_text().splitlines()
     assert [each["seq"] for each in map(json.loads, heard) if each["sender"] == "0"] == [row["seq"]]
     assert ways(run, "0", "g2") == [["0", "g1"]]

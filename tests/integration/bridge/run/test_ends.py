@@ -633,6 +633,49 @@ def test_an_agent_that_never_awaits_sim_time_is_given_up_with_its_line(
     assert f"warning: the agent of UA 1: {told[1]}" in run.output.decode()
 
 
+ENDLESS = """\
+from channel.routing.router import HopRouter
+from channel.routing.settings import Relaying
+
+
+class Endless(HopRouter):
+    def first_notice_ns(self, node):
+        return 2_000_000_000
+
+    def notices(self, node, now_ns):
+        while True:
+            pass
+
+
+class EndlessRouting(Relaying):
+    def open(self, nodes, draws):
+        return Endless(tuple(nodes), draws, self.forwarding)
+"""
+
+
+@pytest.mark.slow
+@both
+def test_a_router_of_ones_own_that_never_answers_is_told_as_the_radio_with_its_line(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    (tmp_path / "mine.py").write_text(ENDLESS)
+    routing = f"{{{{class: {tmp_path}/mine.py:EndlessRouting}}}}"
+    radio = f"radio: {{{{preset: disk, medium: {{{{model: airtime}}}}, routing: {routing}}}}}"
+    scenario = STILL.replace("radio: moon2020", radio)
+    run = start_run("--no-mcap", scenario=scenario, processes=processes, first=IMPATIENT)
+    assert run.finish(60.0) == 1
+    place = r"mine\.py, line 1[01] \(notices\)"
+    text = rf"the radio: settling the tick at 2\.\d\d s takes more than 5 s of wall time, in {place}"
+    error = run.summary["error"]
+    assert re.match(rf"sim time has stood at [12]\.\d\d s for \d+ s; {text}; a run ", error), error
+    said = run.output.decode()
+    assert re.search(rf"warning: {text}\n", said)
+    assert "waits for the radio\n" in said
+    log = (run.directory / "logs" / ("fleet.log" if processes == "one" else "router.log")).read_text()
+    assert re.search(r'mine\.py", line 1[01], in notices\n', log)
+    assert re.search(r'mine\.py", line 1[01] in notices\n', log)  # when it was killed
+
+
 FULL = """\
 from resource import RLIMIT_FSIZE, getrlimit, setrlimit
 setrlimit(RLIMIT_FSIZE, (80_000, getrlimit(RLIMIT_FSIZE)[1]))

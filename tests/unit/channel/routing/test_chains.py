@@ -17,9 +17,10 @@ from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, wifi_g
 from channel.access.world import PlainWorld
 from channel.draws import Draws
+from channel.own_methods import OwnModelError
 from channel.routing.flood import Flood
 from channel.routing.routed import Routed
-from channel.routing.router import Forwarding, HopRouter
+from channel.routing.router import Forwarding, HopRouter, Notice
 from channel.routing.static import Static
 
 BIT_RATE = BitRate(64e3)
@@ -94,6 +95,34 @@ def test_a_flood_comes_to_all_within_its_hops_and_once_to_each() -> None:
     assert network.counts.duplicates == 2  # node 0 hears 1, and 1 hears 2
 
 
+def in_a_row(medium: AccessMedium, router: HopRouter) -> Routed:
+    """A network whose nodes stand 100 m apart."""
+    return Routed(
+        medium,
+        router,
+        lambda frame, node: 100.0 * abs(frame.node - node),
+        lambda node, other, _at_ns: 100.0 * abs(node - other),
+    )
+
+
+@pytest.mark.parametrize("to", [None, 5])
+def test_what_was_handed_on_as_often_as_it_may_be_is_lost_by_that_to_those_beyond(to: int | None) -> None:
+    """In a row of six, four transmissions bring it to node 4, which would have been nearest to 5."""
+    network = in_a_row(AirTime(chain(6), BIT_RATE), flood(6, hop_limit=4))
+    network.offer(packet(to))
+    fate = {each.receiver: each for each in fates(network, 10**9)}[5]
+    assert (fate.loss, fate.attempts, fate.way) == (Loss.HOP_LIMIT, 4, (0, 1, 2, 3))
+    assert (fate.started_ns, fate.ended_ns, fate.met_at) == (3 * FRAME_NS, 4 * FRAME_NS, 4)
+
+
+def test_the_cause_is_of_the_hop_limit_only_where_no_transmission_was_as_near() -> None:
+    """Node 0 does not hear 1, its neighbour; 2 and 3 have it and may not hand it on, but are farther from 0."""
+    network = in_a_row(AirTime(PlainWorld(range(4), deaf=[(1, 0)]), BIT_RATE), flood(4, hop_limit=1))
+    network.offer(packet(None, node=1))
+    found = {each.receiver: each.loss for each in fates(network, 10**9)}
+    assert found == {0: Loss.NOISE, 2: None, 3: None}
+
+
 def test_of_a_flood_for_one_node_only_that_one_has_a_fate() -> None:
     network = Routed(AirTime(chain(5), BIT_RATE), flood(5, hop_limit=10))
     network.offer(packet(3))
@@ -142,6 +171,28 @@ def test_life_times_go_on_from_hop_to_hop() -> None:
 
     assert loss(20_000_000) is Loss.EXPIRED  # at node 2 it would start after 27 ms
     assert loss(27_000_000) is None
+
+
+@pytest.mark.parametrize(("later_ns", "is_refused"), [(0, True), (-5, True), (1, False)])
+def test_a_router_is_asked_again_for_notices_at_a_later_instant(later_ns: int, is_refused: bool) -> None:
+    """Else it would be asked at one instant for ever."""
+
+    class Again(HopRouter):
+        def first_notice_ns(self, node: int) -> int | None:
+            return 1000 if node == 1 else None
+
+        def notices(self, node: int, now_ns: int) -> tuple[Sequence[Notice], int]:
+            return [], now_ns + later_ns
+
+    network = Routed(AirTime(chain(2), BIT_RATE), Again(names(2), Draws(1), Forwarding()))
+    if not is_refused:
+        assert network.live(2000) == []
+        return
+    told = (
+        rf"Again\.notices, called at 1000 ns, is to be called again at {1000 + later_ns} ns: has to be later"
+    )
+    with pytest.raises(OwnModelError, match=told):
+        network.live(2000)
 
 
 def rate(medium: AccessMedium, nodes: int, period_ns: int, until_ns: int) -> float:

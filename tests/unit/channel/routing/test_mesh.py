@@ -233,6 +233,8 @@ def test_packets_of_others_go_where_neighbours_are_told_that_they_do() -> None:
     assert [router.stations[0].quality_of(3, neighbour) for neighbour in (1, 2)] == [8, 9]
     assert router.send(0, packet) == [Hop(2)]
     assert router.hand_on(0, replace(packet, node=1), [1]) == [Hop(1)]
+    for to in (None, 3):
+        assert router.hand_on(0, replace(packet, node=1, to=to), [1] * 50) is Loss.HOP_LIMIT
 
 
 def test_an_originator_is_known_as_long_late_in_a_run_as_at_its_beginning() -> None:

@@ -212,18 +212,20 @@ def test_why_runs_with_results_are_flown_again_is_told_in_a_line(
 
 def test_what_is_longer_than_it_was_to_take_has_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that stands still is given up after much longer than others take."""
-    clock_s = iter([0.0, 8.0, 8.0, 8.0, 10.0, 100.0])
+    clock_s = iter([0.0, 8.0, 8.0, 8.0, 10.0, 100.0, 100.0, 100.0, 101.0])
     monkeypatch.setattr("lostlink.cli.flying.study.monotonic", lambda: next(clock_s))
     monkeypatch.setattr(Every, "is_due", lambda _self: True)
     case = Case({"seed": 1}, scenario_of("perfect", ("0", "1")), MadeOf())
     over, standing = Standing(1, 0, 2, case), Standing(1, 0, 2)
     text = io.StringIO()
-    _show(iter([Standing(0, 0, 2), over, standing, standing]), Console(file=text, width=200))
+    last = Standing(2, 0, 2, case)
+    _show(iter([Standing(0, 0, 2), over, standing, standing, last]), Console(file=text, width=200))
     assert text.getvalue().splitlines() == [
         "0 of 2 runs",
         "1 of 2 runs, about 0 min 8 s remain",
         "1 of 2 runs, about 0 min 6 s remain",
         "1 of 2 runs, the next takes longer than those before",
+        "2 of 2 runs",
     ]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 
-from bridge.fleet.children.child import LEASH, Child, ProcessSpec, end_with_news
+from bridge.fleet.children.child import LEASH, Child, ProcessSpec, end_all, end_with_news
 from bridge.fleet.children.last_words import last_words
 from bridge.run.process import LogForm
 
@@ -104,7 +104,7 @@ async def started(tmp_path: Path) -> Child:
     """A process that goes on for a while after it was asked to end."""
     log = tmp_path / "log"
     child = Child(ProcessSpec("router", [sys.executable, "-c", LATE], log))
-    while "up" not in log.read_text():  # noqa: ASYNC110 - a file has no event
+    while "up" not in log.read_text():  # noqa: ASYNC110 - nothing tells of it  # noqa: ASYNC110 - a file has no event
         await asyncio.sleep(0.01)
     return child
 
@@ -135,7 +135,7 @@ async def test_what_is_killed_leaves_nothing_that_it_has_started(tmp_path: Path)
     )
     log = tmp_path / "starts.log"
     child = Child(ProcessSpec("starts", [sys.executable, "-c", program], log))
-    while "up" not in log.read_text():  # noqa: ASYNC110 - a file has no event
+    while "up" not in log.read_text():  # noqa: ASYNC110 - nothing tells of it  # noqa: ASYNC110 - a file has no event
         await asyncio.sleep(0.01)
     [started_by_it] = psutil.Process(child.pid).children()
     child.kill()
@@ -212,3 +212,31 @@ def test_our_logs_have_the_form_that_is_looked_for() -> None:
     for level, word in ((logging.WARNING, "late"), (logging.INFO, "")):
         line = LogForm().format(logging.LogRecord("host", level, "", 0, "late", None, None))
         assert last_words(line) == (line if word else "")
+
+
+STUCK = """\
+import faulthandler, signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+if {registers}:
+    faulthandler.register(signal.SIGUSR1, file=2)
+def stuck():
+    print("up", flush=True)
+    time.sleep(600)
+while True:
+    stuck()
+"""
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="whether a process would write its stacks is asked of Linux"
+)
+@pytest.mark.parametrize("registers", [True, False])
+async def test_one_that_is_killed_has_written_what_it_was_at(tmp_path: Path, registers: bool) -> None:
+    """Another one is not ended by the question: it may have children that are to be killed with it."""
+    log = tmp_path / "log"
+    child = Child(ProcessSpec("stuck", [sys.executable, "-c", STUCK.format(registers=registers)], log))
+    while "up" not in log.read_text():  # noqa: ASYNC110 - nothing tells of it
+        await asyncio.sleep(0.01)
+    assert await end_all([child], 0.0) == ["stuck"]
+    assert child.how_it_ended == "was ended by SIGKILL"
+    assert ('File "<string>", line 7 in stuck\n' in log.read_text()) == registers
