@@ -10,6 +10,8 @@ from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.routing.journey import Cargo, HopPacket, Journey, Leg, Nearness
 from channel.routing.router import Hop, HopRouter, Notice, Onward
+from channel.routing.watched import WatchedRouter
+from sitl_configs.own_code import is_own
 
 
 @dataclass(slots=True)
@@ -59,9 +61,10 @@ class Routed:
     """
 
     def __init__(self, medium: AccessMedium, router: HopRouter, distance_m: Nearness = _everywhere) -> None:
-        self._medium, self._router, self._distance_m = medium, router, distance_m
+        self._medium, self._distance_m = medium, distance_m
         self._agenda = medium.agenda
         self._nodes = tuple(sorted(medium.world.nodes))
+        self._router = router = WatchedRouter(router, self._nodes) if is_own(type(router)) else router
         self._numbers = dict.fromkeys(self._nodes, 0)
         self._outcomes: list[Outcome | AirFates] = []
         self.counts = RoutingCounts()
