@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,7 +33,9 @@ def told_by_class(medium: AccessMedium, router: HopRouter | None) -> Iterator[No
         if author is None:
             raise
         kind = "router" if isinstance(author, HopRouter) else "medium"
-        raise OwnModelError(f"the {kind} {type(author).__name__}: {told(error)}") from error
+        raise OwnModelError(
+            f"the {kind} {type(author).__name__}: {told(error, _place(type(author)))}"
+        ) from error
 
 
 def _author(error: Exception, those: tuple[object, ...]) -> object:
@@ -41,3 +44,11 @@ def _author(error: Exception, those: tuple[object, ...]) -> object:
     raising = (frame.f_locals.get("self") for frame in reversed(frames))
     met = (each for each in raising if isinstance(each, AccessMedium | HopRouter))
     return next((each for each in (*met, *those) if each is not None and is_own(type(each))), None)
+
+
+def _place(found: type) -> str:
+    """Where a class is written, for an error that went through no line of it; "" if it is in no file."""
+    try:
+        return f"{inspect.getsourcefile(found)}:{inspect.getsourcelines(found)[1]}"
+    except (OSError, TypeError):
+        return ""

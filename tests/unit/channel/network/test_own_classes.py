@@ -70,6 +70,12 @@ def transmits(medium: Faulty, packet: AirPacket) -> None:
     medium._transmit(packet, lambda: None)
 
 
+class Hasty(Faulty):  # a class
+    """Transmits twice from the agenda, where no line of its own is on the way."""
+
+    does = staticmethod(overlaps)
+
+
 class Misled(HopRouter):
     """Gives what it is told to give, to a packet and of notices, and raises what is an error."""
 
@@ -110,7 +116,11 @@ def lives(
     def opened(world: Any) -> Faulty:
         around = Surroundings.of(world, medium.index, 7, config, medium.radios[0].noise_floor_dbm)
         limits, hearing = settings.queue.limits, settings.hearing(around)
-        made = type("Mine", (Faulty,), {"does": staticmethod(does), "__module__": __name__})
+        made = (
+            does
+            if isinstance(does, type)
+            else type("Mine", (Faulty,), {"does": staticmethod(does), "__module__": __name__})
+        )
         found: Faulty = made(around.world, settings.timings(around), limits, hearing)
         return found
 
@@ -140,6 +150,11 @@ def test_what_a_medium_does_that_cannot_be_is_told(
 ) -> None:
     with pytest.raises(OwnModelError, match=rf"^the medium Mine: {told}"):
         lives(does)
+
+
+def test_of_what_went_through_no_line_of_a_class_that_class_is_told() -> None:
+    with pytest.raises(OwnModelError, match=f"^the medium Hasty: {line('# a class')}ValueError: {STILL}"):
+        lives(Hasty)
 
 
 def misled(**gives: Any) -> Misled:
