@@ -105,9 +105,8 @@ def line(text: str) -> str:
     return re.escape(f"{__file__}:{number}: ")
 
 
-def lives(
-    does: Callable[[Faulty, AirPacket], object], router: HopRouter | None = None
-) -> RoutingCounts | None:
+def lives(does: Any, router: HopRouter | None = None) -> RoutingCounts | None:
+    """Let a network live on a medium that does so, or is of such a class."""
     config, settings = radio_from_mapping(RADIO), Serial()
     medium = Medium(Radio(config), seed=7, nodes=NODES)
     for number, node in enumerate(NODES):
