@@ -29,6 +29,11 @@ def _interval(low: float, high: float, low_open: bool) -> str:
     return "a finite number " + " and ".join(part for part in (left, right) if part)
 
 
+def is_whole(value: object) -> bool:
+    """Whether something is an integer of 0 or more, of Python's or of numpy's."""
+    return isinstance(value, int | np.integer) and int(value) >= 0
+
+
 def finite(
     name: str,
     value: ArrayLike,

@@ -66,6 +66,11 @@ def innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:
     return next((line for line in reversed(lines) if not line.filename.startswith(_NOT_THEIRS)), None)
 
 
+def is_own(found: type) -> bool:
+    """Whether a class is a user's, and not of lostlink."""
+    return found.__module__.partition(".")[0] not in OURS
+
+
 def put_first(folder: Path) -> None:
     """Have imports look in the folder of a file before all else, as the code in it expects."""
     text = str(folder)

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Final
 
+import numpy as np
+
 SIGNAL_ENDS, ACTS, SIGNAL_STARTS = 0, 1, 2
 """Ranks. Who acts at an instant does not hear yet what starts at it: two that act at one instant collide."""
 
@@ -108,6 +110,22 @@ class Agenda:
                 self.handled += 1
                 callback(*arguments)
         self.now_ns = max(self.now_ns, until_ns)
+
+
+class WholeAgenda(Agenda):
+    """An agenda whose instants are looked at: of a medium of a user's own."""
+
+    def at(
+        self, at_ns: int, rank: int, node: int, callback: Callable[..., object], *arguments: object
+    ) -> Entry:
+        """Have ``callback`` called at an instant; the entry can be called off.
+
+        Raises:
+            ValueError: the instant has passed, or is no integer.
+        """
+        if not isinstance(at_ns, int | np.integer):
+            raise ValueError(f"an event at {at_ns!r} ns: instants are whole")
+        return super().at(int(at_ns), rank, node, callback, *arguments)
 
 
 class SharedClock:

@@ -16,7 +16,7 @@ from channel.access.packets import AirFrame, Loss
 from channel.access.passing import Notes, PassingFrame
 from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
 from channel.access.sources import NOBODY, SensedSources
-from channel.access.world import Arrival, Disturbed, FrameArrivals, Rows, World
+from channel.access.world import Arrival, Disturbed, FrameArrivals, Rows, World, name_of
 
 __all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]
 
@@ -108,8 +108,17 @@ class Air:
             self._end_passage(self._passage)
 
     def transmit(self, frame: AirFrame, then: Callable[[], object]) -> None:
-        """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it."""
+        """Put a frame on the air now; ``then`` is called at its end, before anybody acts on it.
+
+        Raises:
+            ValueError: its transmitter is on the air still, as it is until ``then`` has returned.
+        """
         node, agenda = frame.node, self.agenda
+        if self._receivers[node].transmits:
+            raise ValueError(
+                f"node {name_of(self.world, node)} is to transmit at {agenda.now_ns} ns, and its radio is on the air "
+                "still: it is free after the callback at the end of its frame"
+            )
         if self._passage is not None:
             self._end_passage(self._passage)
         arrivals = self.world.reach(frame)

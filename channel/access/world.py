@@ -137,6 +137,11 @@ class Identified(Protocol):
         """Of `World.nodes`, in their order."""
 
 
+def name_of(world: World, node: int) -> str:
+    """The id of a node, its number where it has none."""
+    return world.ids[list(world.nodes).index(node)] if isinstance(world, Identified) else str(node)
+
+
 @runtime_checkable
 class Metering(Protocol):
     """A world that takes note of what radios measure while no frame comes."""

@@ -18,6 +18,7 @@ from channel.network.entry import EntryInstants
 from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
+from channel.network.own_classes import told_by_class
 from channel.own_methods import OwnModelError
 from channel.routing.routed import Routed, RoutingCounts
 from channel.routing.router import HopRouter
@@ -117,9 +118,13 @@ class Network:
     ) -> None:
         self._world = LinkWorld(medium, judge)
         self._access = open_medium(self._world)
-        self._routed = (
-            None if router is None else Routed(self._access, router, self._distance_m, self._world.apart_m)
-        )
+        self._router = router
+        with told_by_class(self._access, router):
+            self._routed = (
+                None
+                if router is None
+                else Routed(self._access, router, self._distance_m, self._world.apart_m)
+            )
         self._packets: PacketNetwork = self._access if self._routed is None else self._routed
         self._ways: dict[tuple[int, int], tuple[int, ...]] = {}
         """Of the latest packet that came, by sender and receiver."""
@@ -197,7 +202,7 @@ class Network:
 
     def advance(self, until_ns: int) -> list[AirFate]:
         """Let the network live up to an instant within a stretch; what was decided, which `live` has, too."""
-        outcomes = self._packets.live(until_ns)
+        outcomes = self._live(until_ns)
         self._came += outcomes
         fates = [
             one for each in outcomes for one in (each.singly() if isinstance(each, AirFates) else (each,))
@@ -209,7 +214,7 @@ class Network:
 
     def live(self, until_ns: int) -> Lived:
         """Let the network live until just before an instant; what was decided since the last call."""
-        outcomes = [*self._came, *self._packets.live(until_ns - 1)]
+        outcomes = [*self._came, *self._live(until_ns - 1)]
         self._came = []
         self._now_ns = until_ns
         fates = [outcome for outcome in outcomes if isinstance(outcome, AirFate)]
@@ -229,6 +234,10 @@ class Network:
         lived = self._lived(fates, [], [])
         lived.receptions.fate[:] = FATES.index(Fate.RUN_ENDED)
         return lived
+
+    def _live(self, until_ns: int) -> list[Outcome | AirFates]:
+        with told_by_class(self._access, self._router):
+            return self._packets.live(until_ns)
 
     def _distance_m(self, frame: AirFrame, node: int) -> float:
         return self._world.figures(frame, node)[0]

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from channel.access.agenda import ACTS
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
-from channel.own_methods import OwnModelError
 from channel.routing.journey import Apart, Cargo, HopPacket, Journey, Leg, Nearness
 from channel.routing.router import Hop, HopRouter, Notice, Onward
+from channel.routing.watched import WatchedRouter
+from sitl_configs.own_code import is_own
 
 
 @dataclass(slots=True)
@@ -71,10 +72,10 @@ class Routed:
         distance_m: Nearness = _everywhere,
         apart_m: Apart = _together,
     ) -> None:
-        self._medium, self._router = medium, router
-        self._distance_m, self._apart_m = distance_m, apart_m
+        self._medium, self._distance_m, self._apart_m = medium, distance_m, apart_m
         self._agenda = medium.agenda
         self._nodes = tuple(sorted(medium.world.nodes))
+        self._router = router = WatchedRouter(router, self._nodes) if is_own(type(router)) else router
         self._numbers = dict.fromkeys(self._nodes, 0)
         self._outcomes: list[Outcome | AirFates] = []
         self.counts = RoutingCounts()
@@ -227,11 +228,6 @@ class Routed:
     def _tell(self, node: int) -> None:
         now_ns = self._agenda.now_ns
         notices, again_ns = self._router.notices(node, now_ns)
-        if again_ns <= now_ns:
-            raise OwnModelError(
-                f"{type(self._router).__name__}.notices, called at {now_ns} ns, is to be called again at "
-                f"{again_ns} ns: has to be later"
-            )
         self._send_notices(node, notices)
         self._agenda.at(again_ns, ACTS, node, self._tell, node)
 

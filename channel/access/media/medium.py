@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.access.agenda import ACTS, Agenda
+from channel.access.agenda import ACTS, Agenda, WholeAgenda
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
 from channel.access.world import Foreseeing, Identified, Rows, Switched, World
+from sitl_configs.own_code import is_own
 
 if TYPE_CHECKING:
     from channel.access.air import Air
@@ -42,7 +43,7 @@ class AccessMedium(ABC):
     def __init__(self, world: World, limits: QueueLimits, max_length_bytes: int) -> None:
         self.world = world
         self.ids, order = _ids(world)
-        self.agenda = Agenda(order)
+        self.agenda = WholeAgenda(order) if is_own(type(self)) else Agenda(order)
         self._outboxes = {node: TransmitQueue(limits) for node in sorted(world.nodes)}
         self._max_length_bytes = max_length_bytes
         self._outcomes: list[Outcome | AirFates] = []

@@ -1,5 +1,8 @@
 """A medium of one's own, as docs/reference/air.md shows it: each packet waits a while before it goes on the air."""
 
+from functools import partial
+from typing import Any
+
 from pydantic import Field
 
 from channel.access.agenda import ACTS
@@ -9,19 +12,25 @@ from channel.access.settings.base import Serial, Surroundings
 
 
 class Patient(PlainMedium):
-    """Lets each packet wait, then transmits it."""
+    """Lets each packet wait, then transmits it: one after the other, as a node has one transmitter."""
 
     wait_ns = 0
 
-    def _wake(self, node: int) -> None:
-        packet = self._next(node)  # takes it from the queue
-        if packet is not None:
-            self.agenda.at(
-                self.agenda.now_ns + self.wait_ns, ACTS, node, self._transmit, packet, self._nothing
-            )
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._busy: set[int] = set()
 
-    def _nothing(self) -> None:
-        """After the end of a transmission nothing is to be done."""
+    def _wake(self, node: int) -> None:  # called with each packet that enters the queue
+        packet = None if node in self._busy else self._next(node)  # takes it from the queue
+        if packet is not None:
+            self._busy.add(node)
+            at_ns, then = self.agenda.now_ns + self.wait_ns, partial(self._sent, node)
+            self.agenda.at(at_ns, ACTS, node, self._transmit, packet, then)
+
+    def _sent(self, node: int) -> None:
+        """At the end of a frame; its transmitter is free for another when this has returned."""
+        self._busy.remove(node)
+        self.agenda.at(self.agenda.now_ns, ACTS, node, self._wake, node)
 
 
 class PatientMedium(Serial):

@@ -353,6 +353,16 @@ def test_a_medium_of_ones_own(flown: Flown) -> None:
     assert (row["fate"], row["started_ns"] - row["entered_ns"]) == ("delivered", 50_000_000)
 
 
+def test_a_burst_on_a_medium_of_ones_own_goes_out_one_by_one(flown: Flown) -> None:
+    """Four of 100 B, 12.5 ms each at 64 kb/s, that enter together: each waits 50 ms once the one before has ended."""
+    own = {"class": f"{Path(__file__).with_name('own_medium.py')}:PatientMedium", "wait_s": 0.05}
+    run = flown([node(0, 0.0), node(1, 50.0, sends=[(1.0, "0", 100)] * 4)], own)
+    found = rows(run, "g1", "0")
+    assert list(found.fate) == ["delivered"] * 4
+    waited_ns = found.started_ns - found.entered_ns
+    assert list(waited_ns) == [50_000_000 + number * 62_500_000 for number in range(4)]
+
+
 def test_radios_on_one_channel_share_its_medium(flown: Flown) -> None:
     other = node(1, 50.0) | {"radio": RADIO | {"medium": {"model": "tdma", "slot_s": 0.1}}}
     text = r"nodes.g1.radio: its medium is tdma, that of the run's radio airtime"

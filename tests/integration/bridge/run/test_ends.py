@@ -405,6 +405,40 @@ def test_a_model_of_ones_own_that_gives_nonsense_ends_the_run_by_its_class(
     assert "Traceback" not in run.output.decode()
 
 
+AIR = """
+from channel.access.media.airtime import AirTime
+from channel.access.settings.base import Serial
+
+
+class Impatient(AirTime):
+    def _wake(self, node):
+        super()._wake(node)
+        if self.agenda.now_ns > 2_000_000_000:
+            raise ZeroDivisionError("mine")
+
+
+class ImpatientMedium(Serial):
+    def open(self, surroundings):
+        timings, hearing = self.timings(surroundings), self.hearing(surroundings)
+        return Impatient(surroundings.world, timings, self.queue.limits, hearing)
+"""
+
+
+@pytest.mark.parametrize("processes", ["one", slow("many")])
+def test_a_medium_of_ones_own_that_raises_ends_the_run_by_its_class_and_line(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    (tmp_path / "air.py").write_text(AIR)
+    medium = f"radio.medium={{class: {tmp_path}/air.py:ImpatientMedium}}"
+    run = start_run("--set", medium, processes=processes, duration_s=60.0)
+    assert run.finish() == 1
+    told = f"the medium Impatient: {tmp_path}/air.py:10: ZeroDivisionError: mine"
+    name = "fleet" if processes == "one" else "router"
+    assert run.summary["error"].startswith(f"{name} ended with status 1: {told}; its log is logs/{name}.log")
+    assert f": {told}; its log is {run.directory}/logs/{name}.log" in run.output.decode()
+    assert "Traceback" not in run.output.decode()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.long)])
 def test_a_run_with_an_agent_that_blocks_can_be_ended(
