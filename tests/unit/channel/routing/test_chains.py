@@ -188,7 +188,9 @@ def test_a_router_is_asked_again_for_notices_at_a_later_instant(later_ns: int, i
     if not is_refused:
         assert network.live(2000) == []
         return
-    told = rf"router Again: .*: notices gave \(\[\], {1000 + later_ns}\): .* an instant in whole ns after 1000"
+    told = (
+        rf"router Again: .*: notices gave \(\[\], {1000 + later_ns}\): .* an instant in whole ns after 1000"
+    )
     with pytest.raises(OwnModelError, match=told):
         network.live(2000)
 
