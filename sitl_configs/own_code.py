@@ -61,6 +61,11 @@ def told(error: BaseException, place: str = "") -> str:
     return ": ".join(part for part in (place, type(error).__name__, text) if part).partition("\n")[0]
 
 
+def line_in_words(line: traceback.FrameSummary) -> str:
+    """A line of code, as ``agent.py, line 12 (on_tick)``."""
+    return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+
+
 def innermost(lines: traceback.StackSummary) -> traceback.FrameSummary | None:
     """The innermost line of a user's code, None if there is none."""
     return next((line for line in reversed(lines) if not line.filename.startswith(_NOT_THEIRS)), None)

@@ -8,12 +8,11 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
 from bridge.timeouts import BLOCKED_LOOK_S, BLOCKED_S
-from sitl_configs.own_code import innermost
+from sitl_configs.own_code import innermost, line_in_words
 
 log = logging.getLogger("radio")
 
@@ -71,7 +70,7 @@ class SettlingWatch:
             return
         stack = traceback.extract_stack(frame)
         line = innermost(stack)
-        where = "" if line is None else f", in {Path(line.filename).name}, line {line.lineno} ({line.name})"
+        where = "" if line is None else f", in {line_in_words(line)}"
         at_s = work.sim_time_ns / 1e9
         text = f"settling the tick at {at_s:.2f} s takes more than {BLOCKED_S:g} s of wall time{where}"
         log.info("the radio's stack:\n%s", "".join(stack.format()).rstrip())

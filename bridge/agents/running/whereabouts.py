@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 
-from sitl_configs.own_code import innermost
+from sitl_configs.own_code import innermost, line_in_words
 
 
 def whereabouts(thread_id: int | None, coroutines: Iterable[object] = ()) -> str:
@@ -23,7 +23,7 @@ def whereabouts(thread_id: int | None, coroutines: Iterable[object] = ()) -> str
     stacks += [traceback.StackSummary.extract(_awaited_in(each)) for each in coroutines]
     for line in map(innermost, stacks):
         if line is not None:
-            return f"{Path(line.filename).name}, line {line.lineno} ({line.name})"
+            return line_in_words(line)
     return ""
 
 
