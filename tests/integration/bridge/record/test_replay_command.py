@@ -241,13 +241,11 @@ def test_a_signal_ends_it_and_leaves_nothing_behind(played: Any, number: signal.
     assert not place.exists()
 
 
-def test_it_publishes_through_a_router_of_somebody_elses(record: Path, tmp_path: Path) -> None:
+def test_it_publishes_through_a_router_of_somebody_elses(played: Any, tmp_path: Path) -> None:
     place = f"tcp/127.0.0.1:{free_port()}"
     with open_router(place) as router:
         listener = Listener(router, "lostlink/**")
-        replay = Played(
-            record, tmp_path / "runs", "--connect", place, "--speed", "max", "--name", "elsewhere"
-        )
+        replay = played("--connect", place, "--speed", "max", "--name", "elsewhere")
         assert "lostlink/elsewhere/**" in replay.first_line
         listener.wait_for(Keys("elsewhere").clock_end)
         assert replay.end() == 0
