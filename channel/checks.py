@@ -54,14 +54,17 @@ def finite(
     Raises:
         ChannelInputError: not a number, NaN, infinite or out of range; carries the first bad element.
     """
-    allowed = _interval(low, high, low_open)
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ChannelInputError(name, value, allowed) from error
-    good = np.isfinite(array) & (array <= high) & ((array > low) if low_open else (array >= low))
+        raise ChannelInputError(name, value, _interval(low, high, low_open)) from error
+    good = np.isfinite(array)
+    if low > -math.inf:
+        good &= (array > low) if low_open else (array >= low)
+    if high < math.inf:
+        good &= array <= high
     if not good.all():
-        raise ChannelInputError(name, float(array[~good].flat[0]), allowed)
+        raise ChannelInputError(name, float(array[~good].flat[0]), _interval(low, high, low_open))
     return array
 
 
