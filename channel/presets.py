@@ -228,22 +228,31 @@ def _with_tables(tree: Mapping[str, Any], beside: Path, prefix: str = "") -> Tre
 
 
 def _csv_rows(file: Path, key: str) -> list[list[float]]:
-    """Return the numbers of a CSV file, whose first line may be a heading."""
+    """Return the numbers of a CSV file, whose first row may be a heading: then none of its fields is a number."""
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            rows = [row for row in csv.reader(lines) if row]
+            reader = csv.reader(lines)
+            rows = [(reader.line_num, row) for row in reader if row]
     except OSError as error:
         raise PresetError(f"cannot read {file}: {error.strerror}", key=key) from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise PresetError(f"{file} is not a CSV of text", key=key) from error
     numbers: list[list[float]] = []
-    for number, row in enumerate(rows, start=1):
+    for at, (line, row) in enumerate(rows):
         try:
             numbers.append([float(cell) for cell in row])
         except ValueError as error:
-            if number > 1:
-                raise PresetError("not a row of numbers", key=key, file=str(file), line=number) from error
+            if at > 0 or any(map(_is_number, row)):
+                raise PresetError("not a row of numbers", key=key, file=str(file), line=line) from error
     return numbers
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _resolved(tree: Tree, beside: Path, extending: tuple[Path, ...]) -> Tree:

@@ -114,7 +114,7 @@ def _single(name: str, value: object) -> Scalar | list[float]:
 
 
 def _whole(name: str, value: int) -> int:
-    if abs(value) > INTEGER_MAX:
+    if not -INTEGER_MAX - 1 <= value <= INTEGER_MAX:
         raise ValueError(f"log({name!r}): {value} does not fit 64 bits")
     return value
 

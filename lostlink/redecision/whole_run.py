@@ -20,12 +20,15 @@ def write_whole_run(
 ) -> dict[str, Any]:
     """Write ``directory``; gives its summary. Arguments and errors as of `write_run`: nothing of it stays after one."""
     check_is_free(directory)
+    was_there = directory.is_dir()
     try:
         return _written(result, directory, on_progress)
     except FileExistsError:  # somebody else has put there what it names
         raise
     except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
+        if was_there:
+            directory.mkdir(exist_ok=True)
         raise
 
 

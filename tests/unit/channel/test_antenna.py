@@ -94,6 +94,20 @@ def test_a_pattern_without_a_heading_keeps_the_first_row_of_a_file_as_spreadshee
     assert pattern == ((0.0, 0.0, 9.0), (180.0, 0.0, -9.0))
 
 
+def test_a_first_row_that_lacks_a_number_is_no_heading(tmp_path):
+    (tmp_path / "horn.csv").write_text("0,0,\n180,0,-9\n")
+    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
+    with pytest.raises(presets.PresetError, match=r"horn\.csv:1: .*not a row of numbers"):
+        presets.load_radio("perfect", {"antenna": antenna})
+
+
+def test_a_row_that_lacks_a_number_is_named_by_its_line(tmp_path):
+    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n\n0,0,9\n180,0,\n")
+    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
+    with pytest.raises(presets.PresetError, match=r"horn\.csv:4: .*not a row of numbers"):
+        presets.load_radio("perfect", {"antenna": antenna})
+
+
 def test_pattern_from_csv(tmp_path):
     (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n0,0,9\n180,0,-9\n")
     (tmp_path / "mine.yaml").write_text(

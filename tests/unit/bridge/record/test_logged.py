@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bridge.agents.client import LOGGED_MAX, UaClient
@@ -28,14 +28,15 @@ from bridge.record.logged import (
 from bridge.record.streams import StreamError, StreamWriter
 
 SCALARS = st.one_of(
-    st.booleans(), st.integers(-(2**63) + 1, 2**63 - 1), st.floats(allow_nan=False), st.text(max_size=50)
+    st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False), st.text(max_size=50)
 )
-VECTORS = st.lists(st.one_of(st.integers(-(2**63) + 1, 2**63 - 1), st.floats(allow_nan=False)), max_size=20)
+VECTORS = st.lists(st.one_of(st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False)), max_size=20)
 KEYS = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,20}", fullmatch=True)
 VALUES = st.one_of(SCALARS, VECTORS, st.dictionaries(KEYS, st.one_of(SCALARS, VECTORS), max_size=10))
 
 
 @given(st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,40}", fullmatch=True), VALUES)
+@example("least", -(2**63))
 def test_a_value_comes_back_as_it_was(name: str, value: object) -> None:
     item = LoggedValue(name, checked_value(name, value))
     found = decode_logged(encode_logged(item))
@@ -95,6 +96,7 @@ def test_numbers_that_json_lacks_are_kept_and_shown_as_null() -> None:
         ({1: 2}, ValueError, "key 1; a key is a letter"),
         ({"a b": 2}, ValueError, "key 'a b'"),
         (2**63, ValueError, "does not fit 64 bits"),
+        (-(2**63) - 1, ValueError, "does not fit 64 bits"),
         ("a" * 4097, ValueError, "a text of 4097 characters"),
         ([0.0] * 1025, ValueError, "1025 items in a vector"),
         ({f"k{i}": i for i in range(65)}, ValueError, "65 names in a mapping"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -217,6 +219,22 @@ def test_what_is_written_is_a_run(run: Path, tmp_path: Path) -> None:
     again = json.loads(redecide(tmp_path / "disk", "--json").stdout)
     assert again["is_same"]
     assert (tmp_path / "disk" / "probability_of_delivery.png").stat().st_size > 1000
+
+
+def test_a_full_disk_leaves_the_directory_as_it_was(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("lostlink.redecision.whole_run.write_summary", full)
+    (tmp_path / "there").mkdir()
+    for name in ("there", "new"):
+        result = redecide(run, "--out", tmp_path / name)
+        assert result.exit_code != 0
+        assert "No space left on device" in result.stderr
+    assert [each.name for each in tmp_path.iterdir()] == ["there"]
+    assert list((tmp_path / "there").iterdir()) == []
 
 
 EXPECTATIONS = """expectations:
