@@ -283,6 +283,7 @@ async def test_autopilot_that_does_not_read_is_told_and_loses_nothing(fly):
                 break
 
 
+@pytest.mark.slow
 async def test_flooding_client_waits_and_loses_nothing(fly, connect):
     async with fly(queue_limit_bytes=1 << 24, client_frames_per_s=1e6) as flight:
         client = await connect(flight.daemon.listen_port)

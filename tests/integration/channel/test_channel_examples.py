@@ -38,14 +38,14 @@ def test_every_command_has_examples():
     assert {line.split()[0] for line in examples()} == set(COMMANDS)
 
 
-SHOWN_ELSEWHERE = ("figures ",)
-"""By a test of what it writes, for one radio of three."""
+LONG = ("figures ", "laws ")
+"""The first by a test of what it writes, for one radio of three."""
 
 
 @pytest.mark.parametrize(
     "line",
     [
-        pytest.param(line, marks=[pytest.mark.slow] if line.startswith(SHOWN_ELSEWHERE) else [])
+        pytest.param(line, marks=[pytest.mark.slow] if line.startswith(LONG) else [])
         for line in examples()
         if ".tlog" not in line
     ],

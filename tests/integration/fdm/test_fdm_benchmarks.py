@@ -7,6 +7,7 @@ import pytest
 from benchmarks import bench_fdm_fleet, bench_fdm_placement, bench_fdm_px4
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_placement_measures_each(free_slot, monkeypatch, capsys):
     monkeypatch.setattr(bench_fdm_placement, "find_arducopter", lambda: None)
     short = ["--rounds", "1", "--seconds", "0.2", "--ua", "1", "--coupling", "serial"]
@@ -17,6 +18,7 @@ def test_the_benchmark_of_placement_measures_each(free_slot, monkeypatch, capsys
     assert all(factor > 0.5 for factor in factors.values())
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_fleets_measures_stand_ins_in_the_air(free_slot, capsys):
     short = [
         "--sizes",

@@ -281,6 +281,7 @@ def test_in_parallel_coupling_a_lost_answer_costs_one_wait_at_the_next_tick(fly,
     assert "replies_sent_again" not in counters[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coupling", ["serial", "parallel"])
 def test_what_a_ua_gets_depends_on_no_other_and_on_no_order(fly, coupling):
     noise = SensorNoise(gyro_sigma_radps=0.01, position_sigma_m=0.5)

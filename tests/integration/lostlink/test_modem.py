@@ -195,6 +195,7 @@ async def says(reader: asyncio.StreamReader | None, pattern: str) -> str:
     return found[1]
 
 
+@pytest.mark.slow
 async def test_the_command_between_a_station_and_a_standin(tmp_path: Path) -> None:
     fdm = ("fdm", "--home", HOME, "--port=0", "--speed=1")
     away = tmp_path / "away.csv"

@@ -53,6 +53,7 @@ def test_the_ground_node_is_the_base_and_the_ua_the_aircraft(deliveries: Fly) ->
     assert powers_dbm.to_numpy() == pytest.approx(23.0 + 5.0 - loss_db, abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_emitter_disturbs_by_what_falls_into_the_receivers_band(deliveries: Fly) -> None:
     """20 MHz of noise at 100 m: 130 kHz of it, 21.9 dB less, add to a floor of k T B + 6 dB; Rayleigh both ways."""
     radio = NO_RANDOM_TERMS | {

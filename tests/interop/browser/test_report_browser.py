@@ -17,6 +17,8 @@ from lostlink.report.page.page import page_of
 from lostlink.report.pictures.all import draw_all
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:

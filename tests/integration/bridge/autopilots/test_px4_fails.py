@@ -18,6 +18,7 @@ from tests.px4_played import build
 ROOT = Path(__file__).parents[4]
 
 
+@pytest.mark.slow
 def test_a_px4_that_ends_at_once_ends_the_run_with_its_last_words(
     tmp_path: Path, start_run: StartRun
 ) -> None:

@@ -285,6 +285,7 @@ def test_one_process_and_many_have_the_same_air(flown: Flown, processes: str) ->
     assert offsets.max().max() < 50.0 + 3.0
 
 
+@pytest.mark.slow
 def test_decided_anew_the_same_radio_gives_the_same(flown: Flown) -> None:
     run = scripted(flown)
     again = redecide(run.path)

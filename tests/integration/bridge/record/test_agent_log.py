@@ -223,7 +223,7 @@ class Logger(Agent):
     "other",
     [
         pytest.param(("one", {"PYTHONHASHSEED": "1"}), marks=pytest.mark.long),
-        ("many", {"PYTHONWARNINGS": "ignore"}),
+        pytest.param(("many", {"PYTHONWARNINGS": "ignore"}), marks=pytest.mark.slow),
     ],
     ids=["anew", "many"],
 )

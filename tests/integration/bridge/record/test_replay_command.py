@@ -221,6 +221,7 @@ print("ended each time")
 """
 
 
+@pytest.mark.slow
 def test_a_signal_may_come_at_any_moment() -> None:
     """Also while the thread that is to be told holds what it waits with."""
     done = subprocess.run([sys.executable, "-c", SIGNALLED], capture_output=True, text=True, timeout=60)

@@ -251,6 +251,7 @@ def test_a_closed_terminal_ends_a_run_in_order(tmp_path: Path, free_slot: Callab
     assert json.loads((directory / "summary.json").read_text())["ending"] == "interrupted"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begin", ["run ", "sim time"])
 def test_a_run_that_nobody_reads_any_more_ends_in_order(
     tmp_path: Path, free_slot: Callable[[int], int], begin: str

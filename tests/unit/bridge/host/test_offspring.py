@@ -52,7 +52,13 @@ before.kill()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives a process what others have left behind")
-@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(way, id=name, marks=[] if name == "deaf" else pytest.mark.slow)
+        for name, way in WAYS.items()
+    ],
+)
 def test_what_agents_start_is_ended_and_told(tmp_path: Path, way: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT.replace("{way}", way), str(tmp_path)],
@@ -69,6 +75,7 @@ def test_what_agents_start_is_ended_and_told(tmp_path: Path, way: str) -> None:
     assert event.text.endswith(f" (pid {pid})")
 
 
+@pytest.mark.slow
 def test_what_multiprocessing_starts_by_itself_is_left_to_it(tmp_path: Path) -> None:
     """Killed, it would leave shared memory behind."""
     way = "(lambda tracker: (tracker.ensure_running(), tracker._pid)[1])(resource_tracker._resource_tracker)"

@@ -59,6 +59,7 @@ def test_the_outages_are_right() -> None:
     assert [(each.from_s, each.to_s) for each in it.ua[1].radio_off] == [(20, 30), (90, None)]
 
 
+@pytest.mark.slow
 def test_the_networks_are_right() -> None:
     """Radios of pairs would leave one of the three without a peer."""
     text = HEAD.replace("radio: moon2020\n", "") + block("radio: wifi-5.8\n    networks:")

@@ -161,6 +161,7 @@ def shadows(shared, tx_ned_m, rx_ned_m, tx, rx):
 SPOTS = np.array([[0.0, 0.0, -40.0], [800.0, 0.0, -40.0], [0.0, 900.0, -40.0], [700.0, 950.0, -40.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [0.0, pytest.param(0.3, marks=pytest.mark.long), 0.5])
 def test_links_that_share_an_end_are_correlated_by_as_much_as_asked_for(shared):
     tx, rx = np.array([0, 0, 1, 2]), np.array([1, 2, 2, 3])

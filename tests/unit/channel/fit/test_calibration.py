@@ -90,6 +90,7 @@ def fresh_set(base, exponent, sigma_db, base_loss, floor_dbm, **more):
     return ParameterSet(base, values, rssi=True, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("chosen", "widest"),
     [

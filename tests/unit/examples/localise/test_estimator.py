@@ -66,6 +66,7 @@ def test_the_error_is_as_large_as_the_covariance_says() -> None:
     assert low < np.mean(results()["nees"]) < high
 
 
+@pytest.mark.slow
 def test_the_error_is_near_the_bound_and_not_below_it() -> None:
     """Mean of squared error over bound where one place is left: 1 for an efficient estimator (each has variance <= 2).
 

@@ -66,10 +66,10 @@ def test_an_output_that_nobody_reads_ends_a_command_quietly(arguments: tuple[str
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--help",), ("runn",)]
+    [("runn",)]
     + [
         pytest.param(each, marks=pytest.mark.slow)
-        for each in (("--version",), ("link", "--help"), ("run", "--sett", "x"))
+        for each in (("--help",), ("--version",), ("link", "--help"), ("run", "--sett", "x"))
     ],
 )
 def test_a_help_and_a_mistake_that_nobody_reads_end_likewise(arguments: tuple[str, ...]):

@@ -55,6 +55,7 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_same_fit_from_whatever_a_run_left(run: Path) -> None:
     results = [fitted(run)]
     finish_tables(run)

@@ -32,7 +32,15 @@ def test_a_directory_that_is_no_run_is_told(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", ["redecide A", "report A", "judge A", "export A --csv", "compare A A", "compare A --metrics"]
+    "words",
+    [
+        "redecide A",
+        pytest.param("report A", marks=pytest.mark.slow),
+        "judge A",
+        "export A --csv",
+        "compare A A",
+        "compare A --metrics",
+    ],
 )
 def test_a_run_may_be_named_by_its_name_in_runs(
     words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

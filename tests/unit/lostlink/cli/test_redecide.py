@@ -268,6 +268,7 @@ class Flat(Variant):
 """
 
 
+@pytest.mark.slow
 def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_path: Path) -> None:
     law = tmp_path / "laws.py"
     law.write_text(LAW.format(loss_db=80.0))

@@ -208,6 +208,7 @@ def test_load_on_slots_of_a_schedule_is_that_of_the_busiest_node() -> None:
     assert load["airtime_share"] == pytest.approx(4.0)
 
 
+@pytest.mark.slow
 def test_in_slots_of_another_rate_packages_arrive_as_far_as_with_a_radio_of_that_rate() -> None:
     """All slots at 1 Mb/s, and the reach was told at 64 kb/s, 12 dB more; that of half of 64 kb/s in one of two."""
     radio, medium = ["radio=telemetry-915", "radio.noise={model: thermal}"], "radio.medium.model=tdma"
@@ -539,9 +540,10 @@ LASTS = "radio of network main: frames last as long as "
             ["with ecc true (medium.ecc), and have the errors of coding none (error.coding)"],
         ),
         (["radio=telemetry-915", "radio.medium.ecc=true", "radio.error.coding=golay"], []),
-        (
+        pytest.param(
             ["radio=elrs-900-200", "radio.medium.mode=900-25"],
             ["at 0.00213689 Mb/s (medium.mode), and have the errors of 0.0146 Mb/s (bit_rate_bps)"],
+            marks=pytest.mark.slow,
         ),
     ],
 )

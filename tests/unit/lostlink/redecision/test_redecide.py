@@ -183,9 +183,9 @@ def test_packets_of_a_free_program_may_come_early_or_late(tmp_path: Path) -> Non
 TDMA = "{preset: corrected, mtu_bytes: 280, medium: {model: tdma, slot_s: 0.06, guard_s: 0.001}}"
 """Packets of one tick arrive in several, later ones of other nodes before them."""
 OTHERS = [
-    without_time("wifi-2.4"),
+    pytest.param(without_time("wifi-2.4"), marks=pytest.mark.slow),
     "disk",
-    "lte-like",
+    pytest.param("lte-like", marks=pytest.mark.slow),
     "{preset: corrected, mtu_bytes: 100}",
     pytest.param(without_time("telemetry-915"), marks=pytest.mark.long),
     TDMA,

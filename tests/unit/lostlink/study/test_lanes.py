@@ -50,6 +50,7 @@ def test_on_this_machine(waiting: Path) -> None:
     assert not _leave(LocalLanes(1), waiting)
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_while_it_has_no_case_costs_none(tmp_path: Path) -> None:
     cases = [tmp_path / name for name in ("one", "two")]
     with LocalLanes(1) as lanes:

@@ -147,6 +147,7 @@ print(trace)
 """
 
 
+@pytest.mark.slow
 def test_sets_of_tasks_and_futures_have_one_order_in_every_process() -> None:
     traces = {
         subprocess.run(

@@ -168,6 +168,7 @@ def test_a_callers_mistake_is_raised(
     writer.close()
 
 
+@pytest.mark.slow
 def test_every_beginning_of_a_journal_is_read(tmp_path: Path) -> None:
     ticks = list(fleet_columns(3, 4))
     write_deliveries(tmp_path / "whole", ticks, 3)

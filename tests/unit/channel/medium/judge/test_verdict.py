@@ -24,7 +24,7 @@ def test_nothing_drawn_is_nothing_judged():
     assert Verdict(()).passed
 
 
-@pytest.mark.parametrize("name", ["moon2020", "wifi-2.4", "disk"])
+@pytest.mark.parametrize("name", ["moon2020", pytest.param("wifi-2.4", marks=pytest.mark.slow), "disk"])
 def test_a_right_run_passes(name):
     own = radio(name)
     verdict = verdict_of(own, Judge(NODES), 3, RECEPTIONS, reach_m(own))

@@ -127,6 +127,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.lists(JSON, max_size=5))
 def test_any_value_is_taken(values: list[Any]) -> None:
