@@ -61,7 +61,7 @@ bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
 
 # The build backend is in both locks, so that an install asks the registry for nothing that is not pinned.
 $(VENV)/.run: requirements/run.txt pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit("lostlink needs Python 3.11 or newer; this is " + sys.version.split()[0] + ": try make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
+	@$(PYTHON) -c 'import sys; is_fit = (3, 11) <= sys.version_info < (3, 15); sys.exit(0 if is_fit else "lostlink is installed with Python 3.11 to 3.14 (what requirements/ pins has no builds for others); this is " + sys.version.split()[0] + ": try make PYTHON=python3.14")'
 	@echo "installs into $(VENV), for a minute or two"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/run.txt

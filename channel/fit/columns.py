@@ -48,7 +48,7 @@ def read_parquet_log(file: Path, base: RadioConfig, network: str = MAIN) -> Flig
         with file.open("rb") as source:
             parquet = pq.ParquetFile(source)
             present = [name for name in COLUMNS if name in parquet.schema_arrow.names]
-            table = parquet.read(columns=present)
+            table = parquet.read(columns=present, use_threads=False)
             columns = {name: np.asarray(table.column(name)) for name in present}
     except (pa.ArrowException, KeyError, OSError) as error:  # KeyError: a column that is there twice
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,7 @@ from lostlink.plan.held import held_back
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.links import RadioLinks, links_of, unlinked
-from lostlink.plan.load import OfferedLoad, offered_load, without_messages
+from lostlink.plan.load import NodeLoad, OfferedLoad, offered_load, without_messages
 from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.outages import OutagePlan, outages_of
 from lostlink.plan.reach import Reach, reach_of
@@ -199,7 +199,11 @@ def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
-    lines = [_overload(load)] if load.airtime_share > AIRTIME_MAX else list(_overload_by_copies(load))
+    lines = (
+        [_overload(load) + _unless(load.nodes)]
+        if load.airtime_share > AIRTIME_MAX
+        else list(_overload_by_copies(load))
+    )
     capacity = Capacity(medium_settings(radios), radios)
     for node in load.nodes:
         if node.payload_bytes is None:
@@ -208,7 +212,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
         if node.payload_bytes > mtu:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, more than mtu_bytes of its radio, "
-                f"{mtu}: none would be delivered"
+                f"{mtu}: none would be delivered{_unless([node])}"
             )
         if not capacity.may_send(node.node):
             if not node.is_guess:  # an agent of one's own may be there to listen
@@ -219,7 +223,7 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
         elif not node.airtime_share and node.payload_bytes <= mtu:
             lines.append(
                 f"node {node.node}: its data package has {node.payload_bytes} bytes, for which the medium "
-                f"{load.medium} has no room: none would be delivered"
+                f"{load.medium} has no room: none would be delivered{_unless([node])}"
             )
     lines += [
         f"node {node}: the medium {load.medium} has no room for the originator messages of its mesh (ogm_bytes, "
@@ -227,6 +231,12 @@ def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
         for node in without_messages(radios, capacity)
     ]
     return lines
+
+
+def _unless(nodes: Sequence[NodeLoad]) -> str:
+    """What a warning depends on: code of the user's own was not run."""
+    own = any(node.is_guess and node.packets_per_s is not None for node in nodes)
+    return "; agents of your own may send otherwise" if own else ""
 
 
 def _at_one_home(scenario: Scenario) -> Iterator[str]:
@@ -259,7 +269,7 @@ def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:
         yield (
             f"each packet for all is transmitted up to {load.copies} times, as nodes hand packets on (routing): that "
             f"may be {share:.3g} times what the medium {load.medium} carries; raise transmit.every_ticks, or address "
-            "packets"
+            f"packets{_unless(load.nodes)}"
         )
 
 

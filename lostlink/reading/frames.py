@@ -28,7 +28,7 @@ def _pandas() -> Any:
 def frame_of_table(table: pa.Table, time: str = "") -> pd.DataFrame:
     """An Arrow table as a frame; its names as categories. ``time``: as in `frame_of_columns`."""
     _pandas()
-    frame: pd.DataFrame = table.to_pandas()
+    frame: pd.DataFrame = table.to_pandas(use_threads=False)  # Arrow's own can abort a process that ends
     return _with_seconds(frame, time)
 
 

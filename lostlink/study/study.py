@@ -41,6 +41,8 @@ class Standing:
         count: all of its runs.
         case: the run that was over just now; None: none.
         failure: why it failed; "" if it did not.
+        flown: runs that were flown since the study began or went on; others were only measured again.
+        to_fly: runs that are still to be flown.
     """
 
     done: int
@@ -48,6 +50,8 @@ class Standing:
     count: int
     case: Case | None = None
     failure: str = ""
+    flown: int = 0
+    to_fly: int = 0
 
 
 class Study:
@@ -103,20 +107,24 @@ class Study:
         """
         measures = measures_of(self.content.metrics)
         left = {self.path(case): case for case in self.left()}
+        measured = {case.id for path, case in left.items() if recorded(path) is not None}
+        to_fly, flown = sum(case.id not in measured for case in left.values()), 0
         for path, case in left.items():
             path.mkdir(parents=True, exist_ok=True)
             plan = self._plan(case)
             forget(path, measures, plan.labels)  # what other code said, or of a run that failed
             plan.write(path)
         done, failed = len(self.cases) - len(left), 0
-        yield Standing(done, failed, len(self.cases))
+        count = len(self.cases)
+        yield Standing(done, failed, count)
         for over in lanes.fly(list(left)):
             if over is None:
-                yield Standing(done, failed, len(self.cases))
+                yield Standing(done, failed, count, None, "", flown, to_fly - flown)
                 continue
             failure = self._failure(over)
             done, failed = done + 1, failed + bool(failure)
-            yield Standing(done, failed, len(self.cases), left[over], failure)
+            flown += left[over].id not in measured
+            yield Standing(done, failed, count, left[over], failure, flown, to_fly - flown)
 
     def rows(self) -> list[dict[str, Any]]:
         """A row per run: its labels, its id, why it failed ("" if it did not), and what was measured."""

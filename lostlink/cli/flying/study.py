@@ -229,15 +229,21 @@ def _tell_plan(ours: Study, earlier: dict[str, str], console: Console, *, as_jso
 def _show(news: Iterator[Standing], console: Console) -> int:
     """Show how far the study is; gives how many runs failed."""
     begin = monotonic()
-    flown, failed, ready_at, line = 0, 0, 0.0, Every(LOG_PERIOD_S)
+    over, failed, ready_at, line = 0, 0, 0.0, Every(LOG_PERIOD_S)
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
         for standing in news:
             failed = standing.failed
             if standing.case is not None:
-                flown += 1
-                ready_at = monotonic() + (monotonic() - begin) / flown * (standing.count - standing.done)
+                over += 1
+                # a run that is only measured again takes a moment, and says nothing of flights
+                left, like_them = standing.to_fly, standing.flown
+                if not left:
+                    left, like_them = standing.count - standing.done, over
+                if like_them:
+                    now = monotonic()
+                    ready_at = now + (now - begin) / like_them * left
             bar.update(task, completed=standing.done, total=standing.count)
             if standing.failure and standing.case is not None:
                 console.print(f"failed: {standing.case.title}: {standing.failure}", soft_wrap=True)

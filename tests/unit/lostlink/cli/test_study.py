@@ -210,9 +210,24 @@ def test_why_runs_with_results_are_flown_again_is_told_in_a_line(
         ]
 
 
+def test_runs_that_are_only_measured_again_say_nothing_of_flights(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock_s = iter([0.0, 61.0, 61.0])
+    monkeypatch.setattr("lostlink.cli.flying.study.monotonic", lambda: next(clock_s))
+    monkeypatch.setattr(Every, "is_due", lambda _self: True)
+    case = Case({"seed": 1}, scenario_of("perfect", ("0", "1")), MadeOf())
+    text = io.StringIO()
+    measured, flown = Standing(1, 0, 4, case, "", 0, 3), Standing(2, 0, 4, case, "", 1, 2)
+    _show(iter([Standing(0, 0, 4), measured, flown]), Console(file=text, width=200))
+    assert text.getvalue().splitlines() == [
+        "0 of 4 runs",
+        "1 of 4 runs",
+        "2 of 4 runs, about 2 min 2 s remain",
+    ]
+
+
 def test_what_is_longer_than_it_was_to_take_has_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that stands still is given up after much longer than others take."""
-    clock_s = iter([0.0, 8.0, 8.0, 8.0, 10.0, 100.0, 100.0, 100.0, 101.0])
+    clock_s = iter([0.0, 8.0, 8.0, 10.0, 100.0, 100.0, 101.0])
     monkeypatch.setattr("lostlink.cli.flying.study.monotonic", lambda: next(clock_s))
     monkeypatch.setattr(Every, "is_due", lambda _self: True)
     case = Case({"seed": 1}, scenario_of("perfect", ("0", "1")), MadeOf())

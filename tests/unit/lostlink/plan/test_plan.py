@@ -366,7 +366,21 @@ def test_ports_with_which_no_run_would_start_are_warned_of() -> None:
 
 def test_a_package_longer_than_the_mtu_is_warned_of() -> None:
     (warning,) = plan_of(parse_scenario(TEXT, "planned.yaml")).warnings
-    assert warning.startswith(f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes")
+    assert warning == (
+        f"node 9: its data package has {HOLDS_BYTES} bytes, more than mtu_bytes of its radio, 100: none would be "
+        "delivered; agents of your own may send otherwise"
+    )
+
+
+def test_a_warning_of_too_much_says_that_own_agents_may_send_otherwise() -> None:
+    slow = "{preset: corrected, bit_rate_bps: 1.0e+4}"
+    text = TEXT.replace("{preset: corrected, mtu_bytes: 100}", slow).replace(
+        "radio: corrected", f"radio: {slow}"
+    )
+    own = plan_of(parse_scenario(text, "planned.yaml")).warnings
+    assert [text.endswith("; agents of your own may send otherwise") for text in own] == [True]
+    builtin = on_medium("model=ideal")["warnings"]
+    assert [text.endswith("or give it a medium (radio.medium)") for text in builtin] == [True]
 
 
 def test_a_package_longer_than_the_mtu_and_the_mediums_longest_is_warned_of_once() -> None:
