@@ -199,11 +199,10 @@ def _processes(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 
 def _warnings(load: OfferedLoad, radios: dict[str, Radio]) -> list[str]:
-    lines = (
-        [_overload(load) + _unless(load.nodes)]
-        if load.airtime_share > AIRTIME_MAX
-        else list(_overload_by_copies(load))
-    )
+    if load.airtime_share > AIRTIME_MAX:
+        lines = [_overload(load) + _unless(load.nodes)]
+    else:
+        lines = list(_overload_by_copies(load))
     capacity = Capacity(medium_settings(radios), radios)
     for node in load.nodes:
         if node.payload_bytes is None:
