@@ -44,11 +44,11 @@ def test_nor_is_it_on_the_way_to_an_mcap_file(tmp_path: Path) -> None:
 
 def write_beside(path: Path, other: Connection) -> None:
     """Write the file in another process, and be told when to end it."""
-    with whole_file(path) as partial:
-        partial.write_text("half")
+    with whole_file(path) as partial, partial.open("w") as file:
+        file.write("half")
         other.send("half")
         other.recv()
-        partial.write_text("half, and the other half")
+        file.write(", and the other half")
 
 
 def test_two_processes_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
