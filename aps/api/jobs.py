@@ -61,6 +61,10 @@ def result_json(result: CommandResult) -> dict[str, Any]:
     }
 
 
+def _interrupted(verb: str) -> CommandResult:
+    return CommandResult(verb, Outcome.INTERRUPTED, "the API ends")
+
+
 class Jobs:
     """Starts commands and remembers them.
 
@@ -73,6 +77,7 @@ class Jobs:
         self._backend, self._tell = backend, tell
         self._all: dict[int, Job] = {}
         self._next = 1
+        self._is_closed = False
 
     def start(self, verb: str, arguments: Mapping[str, Any]) -> Job:
         """Start a command.
@@ -94,17 +99,21 @@ class Jobs:
                 job.done.set_result(result)
                 self._tell({"type": "result", "id": job.id, **result_json(result)})
 
-        self._backend.start(verb, arguments, on_progress, on_done)
+        if self._is_closed:
+            on_done(_interrupted(verb))
+        else:
+            self._backend.start(verb, arguments, on_progress, on_done)
         self._next += 1
         self._all[job.id] = job
         self._forget_oldest()
         return job
 
     def close(self) -> None:
-        """No command's end is waited for any more."""
+        """No command's end is waited for any more, nor is one started that comes before the connections end."""
+        self._is_closed = True
         for job in self._all.values():
             if not job.done.done():
-                job.done.set_result(CommandResult(job.verb, Outcome.INTERRUPTED, "the API ends"))
+                job.done.set_result(_interrupted(job.verb))
 
     def _forget_oldest(self) -> None:
         ended = [number for number, job in self._all.items() if job.done.done()]

@@ -46,6 +46,8 @@ __all__ = ["RSSI_SCALES", "AutopilotLogError", "LinkRecord", "LoggedPlace", "rea
 
 FloatArray = NDArray[np.float64]
 TIMESTAMP: Final = struct.Struct(">Q")
+ULOG: Final = b"ULog"
+"""What PX4's own logs begin with."""
 POSITION: Final = struct.Struct("<Iiii")
 RADIO: Final = {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
 RADIO_RSSI_OFFSET: Final = 4
@@ -139,6 +141,8 @@ def read_tlog(file: Path) -> Timed:
         FlightLogError: no such file, or no frame in it.
     """
     data = _bytes_of(file)
+    if data.startswith(ULOG):
+        raise AutopilotLogError(f"{file}: a ULog, which is not read: give a .tlog of the same flight")
     out: Timed = []
     position = 0
     while position + TIMESTAMP.size < len(data):
@@ -300,9 +304,10 @@ def _positions(frames: Timed, sysid: int) -> list[tuple[float, float, tuple[floa
 
 def _track_of_bin(file: Path) -> _Track:
     """Return the positions of a data flash log: POS (the estimator's), or GPS if it has none."""
+    data = _bytes_of(file)
     for name in ("POS", "GPS"):
         try:
-            messages = read_messages(_bytes_of(file), name)
+            messages = read_messages(data, name)
             rows = [
                 tuple(float(message[key]) for key in ("TimeUS", "Lat", "Lng", "Alt")) for message in messages
             ]

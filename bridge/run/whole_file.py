@@ -9,19 +9,15 @@ from pathlib import Path
 
 
 @contextmanager
-def whole_file(path: Path, *, is_shared: bool = False) -> Iterator[Path]:
+def whole_file(path: Path) -> Iterator[Path]:
     """Gives the file to write, which takes the place of ``path`` in the end; nothing is left of it if that fails.
 
-    Args:
-        path: of the whole file.
-        is_shared: other processes may write it at the same time.
+    Other processes may write the same one at the same time: the last one's is there then.
 
     Raises:
         OSError: it cannot be put there.
     """
-    own = f".{os.getpid()}" if is_shared else ""
-    partial = path.with_name(f"{path.name}{own}.partial")
-    make_new(partial)
+    partial = new_partial(path)
     try:
         yield partial
         partial.replace(path)
@@ -29,11 +25,13 @@ def whole_file(path: Path, *, is_shared: bool = False) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def make_new(path: Path) -> None:
-    """Make an empty file in the place of what has its name: in a directory that others write to, too, it is ours.
+def new_partial(path: Path) -> Path:
+    """Make an empty file for what is to become ``path``; in a directory that others write to, too, it is ours.
 
     Raises:
         OSError: it cannot be made, or somebody else has put there what we cannot remove.
     """
-    path.unlink(missing_ok=True)
-    os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    partial.unlink(missing_ok=True)
+    os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    return partial

@@ -154,7 +154,7 @@ def is_done(directory: Path, measures: str, labels: Collection[str]) -> bool:
 
 def write_whole(path: Path, content: object) -> None:
     """A JSON file that is there as a whole or not at all, whatever ends this process, and whoever else writes it."""
-    with whole_file(path, is_shared=True) as partial:
+    with whole_file(path) as partial:
         partial.write_text(json.dumps(content), encoding="utf-8")
 
 

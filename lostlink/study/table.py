@@ -39,7 +39,7 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
                 f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
             ) from error
     try:
-        with whole_file(path, is_shared=True) as partial:  # the same study may be flown twice at a time
+        with whole_file(path) as partial:
             pq.write_table(pa.table(columns), partial, compression="zstd")
     except OSError as error:  # of a full disk it names no file
         raise StudyError(f"{path}: {error}; no table was written{_before(path)}") from error

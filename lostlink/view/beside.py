@@ -21,6 +21,8 @@ PORT = 8080
 VIEW_LOG = "view"
 """Of the logs of a run."""
 LOOK_AGAIN_S = 0.1
+RUN_OPTION = "--view-port"
+"""Of the commands that fly."""
 END_S = 5.0
 """For the view to end after it was asked to."""
 
@@ -43,7 +45,7 @@ class ViewProcess:
     def __init__(self, port: int, *, control: bool) -> None:
         check_installed()
         if port:
-            taken = _conflict(port)
+            taken = port_conflict(port, RUN_OPTION)
             if taken:
                 raise NoView(taken)
         self.port, self._control = port or free_port(HOST), control
@@ -99,7 +101,7 @@ class ViewProcess:
         self._is_told = not self.is_open
         if not self._is_told:
             return f"the view is not served after {VIEW_S:g} s"
-        taken = _conflict(self.port)
+        taken = port_conflict(self.port, RUN_OPTION)
         return f"the view has ended, as {taken}" if taken else "the view has ended"
 
     async def _is_served(self, run: RunDirectory) -> bool:
@@ -143,9 +145,9 @@ class ViewProcess:
         self._process.wait()
 
 
-def _conflict(port: int) -> str:
-    """Who has the view's port, and what to do; "" if it is free."""
-    return "\n".join(conflicts([PortUse(port, "TCP", "live view", "--view-port")]))
+def port_conflict(port: int, option: str) -> str:
+    """Who has the view's port, and what to do: another by ``option``; "" if it is free."""
+    return "\n".join(conflicts([PortUse(port, "TCP", "live view", option)]))
 
 
 def check_installed() -> None:

@@ -59,8 +59,13 @@ class ViewSettings:
     announce: Callable[[str], object]
 
 
-async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> bool:
+async def wait_for_start(run: RunDirectory, stop: asyncio.Event, *, has_begun: bool) -> bool:
     """Wait until the run has written what it takes to join it, and its router listens; for at most START_S.
+
+    Args:
+        run: that is to be joined.
+        stop: set if we are to stop.
+        has_begun: it was going on already: if it does not, it was killed.
 
     Returns:
         Whether it can be joined: not if it was over before, however it ended, or if we are to stop.
@@ -70,7 +75,7 @@ async def wait_for_start(run: RunDirectory, stop: asyncio.Event) -> bool:
     """
     deadline = asyncio.get_running_loop().time() + START_S
     while not stop.is_set() and asyncio.get_running_loop().time() < deadline:
-        if run.is_over:
+        if run.is_over or (has_begun and not run.is_live):
             return False
         with suppress(OSError, ValueError):
             if await asyncio.to_thread(is_listened_at, endpoint_of(run)):

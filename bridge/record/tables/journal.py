@@ -227,8 +227,8 @@ def _added(path: Path) -> Iterator[tuple[str, str]]:
     added = names_path(path)
     if not added.exists():
         return
-    for line in added.read_text(encoding="utf-8").splitlines(keepends=True):
-        if line.endswith("\n"):
+    for line in added.read_bytes().splitlines(keepends=True):
+        if line.endswith(b"\n"):
             try:
                 column, name = map(str, json.loads(line))
             except (ValueError, TypeError, RecursionError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import signal
 from pathlib import Path
@@ -18,7 +19,7 @@ from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
 from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
-from lostlink.view.beside import PORT, NoView, check_installed
+from lostlink.view.beside import PORT, NoView, check_installed, port_conflict
 
 OVER = "the run was over before it could be looked at: `lostlink view RUN` plays its record"
 NO_CONTROL = (
@@ -85,7 +86,7 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
             if control:
                 say(NO_CONTROL, err=True)
             await view_record(directory, settings, stop)
-        elif await wait_for_start(directory, stop):
+        elif await wait_for_start(directory, stop, has_begun=not wait):
             await view_live(directory, settings, stop)
         else:
             say(OVER, err=True)
@@ -95,6 +96,8 @@ def view(run: Path | None, control: bool, port: int, host: str, token: str, wait
     except (SessionError, OSError, ValueError, ViewDied) as error:
         if isinstance(error, SessionError) and directory.is_over:
             say(OVER, err=True)  # it ended while we joined it
+        elif isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            fail(port_conflict(port, "--port") or error, 1)
         else:
             fail(error, 1)
 

@@ -10,6 +10,7 @@ import click
 from bridge.record.provenance import version_noted
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.records.lost import tell_lost
 from lostlink.cli.records.mcap_options import changed, mcap_options
 from lostlink.cli.run_path import RunPath
 from lostlink.flight.say import say
@@ -46,7 +47,8 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
         raise click.UsageError("one of --csv, --parquet and --mcap is needed")
     if not as_mcap and any(mcap.values()):
         raise click.UsageError("--payloads, --mavlink, --compression, --rate and --size go with --mcap")
-    from bridge.record.tables.every import finish_tables
+    from bridge.record.names import Kind
+    from bridge.record.tables.every import TABLES, finish_tables
     from lostlink.export.csv_files import export_csv
 
     folder = out or run
@@ -66,6 +68,7 @@ def export(run: Path, as_csv: bool, as_parquet: bool, as_mcap: bool, out: Path |
             if as_csv:
                 for path in export_csv(run, folder):
                     say(path)
+                tell_lost(run, (*(table.name for table in TABLES), Kind.LOGGED.value), "not in these files")
             if as_mcap:
                 say(_write_mcap(run, folder, mcap))
     except OSError as error:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from aps.logs.flight_log import LoggedPlace
     from channel.fit.flight_log import FlightLog
 
-AUTOPILOT_LOGS = frozenset({".tlog", ".bin"})
+AUTOPILOT_LOGS = frozenset({".tlog", ".bin", ".ulg"})
 
 
 @click.command()

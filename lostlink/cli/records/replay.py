@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 ZENOH_PORT = 7447
 EXIT_USAGE = 2
+PLAYED = frozenset({"states", "deliveries", "packets", "logged"})
+"""Tables, and kinds of streams, that are played beside the truth."""
 
 
 @click.command(short_help="Publish a recorded run on Zenoh again.")
@@ -80,11 +82,13 @@ def replay(
       lostlink replay runs/A --speed 4 --from 60 --to 90 --loop
       lostlink replay runs/A --connect tcp/127.0.0.1:7448 --name A
     """
+    from lostlink.cli.records.lost import tell_lost
     from lostlink.replay.player import Player
     from lostlink.replay.playing.place import PREFIX
 
     try:
         player = Player.open(run)
+        tell_lost(run, PLAYED, "not played")
         begin_ns, end_ns = _span(player, begin_s, end_s)
         factor = math.inf if speed == "max" else _checked_speed(float(speed))
         named = _checked_name(name or f"{PREFIX}{run.resolve().name}")

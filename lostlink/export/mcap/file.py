@@ -11,7 +11,7 @@ from typing import Any, BinaryIO, Final, Self
 
 from mcap.writer import CompressionType, Writer
 
-from bridge.run.whole_file import make_new
+from bridge.run.whole_file import new_partial
 from bridge.scenario.mcap import McapSettings
 from lostlink.export.mcap.definitions import ENCODING, Schemas
 
@@ -43,8 +43,7 @@ class McapFile:
         """Messages by topic that were longer than allowed."""
         self.counts: Counter[str] = Counter()
         """Messages by topic."""
-        self._path, self._partial = path, path.with_suffix(".partial")
-        make_new(self._partial)
+        self._path, self._partial = path, new_partial(path)
         self._file: BinaryIO = self._partial.open("wb")
         self._writer: Any = Writer(self._file, CHUNK_BYTES, _COMPRESSION[settings.compression])
         self._writer.start(PROFILE, "lostlink")

@@ -573,6 +573,22 @@ async def test_commands_under_way_when_the_api_ends_are_answered(daemon, caplog)
     assert caplog.text == ""
 
 
+async def test_a_command_whose_body_comes_while_the_api_ends_is_answered(daemon, caplog):
+    server = await ApiServer(DaemonBackend(daemon), ApiConfig()).__aenter__()
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    head = "POST /commands/parameter_get HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    writer.write(f"{head}Content-Length: 19\r\nExpect: 100-continue\r\n\r\n".encode())
+    assert (await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), 10)).startswith(b"HTTP/1.1 100 ")
+    end = asyncio.create_task(server.__aexit__())
+    await asyncio.sleep(0)  # it has begun to end
+    writer.write(b'{"name": "NO_SUCH"}')
+    assert (await asyncio.wait_for(reader.readline(), 10)).startswith(b"HTTP/1.1 409 ")
+    assert b'"reason":"the API ends"' in await asyncio.wait_for(reader.readuntil(b"}"), 10)
+    writer.close()
+    await end
+    assert caplog.text == ""
+
+
 async def test_a_stream_as_slow_as_a_number_can_say_has_the_state_once(call):
     async with open_stream(f"ws://127.0.0.1:{call.port}/stream?rate_hz=1e-320") as stream:
         assert json.loads(await asyncio.wait_for(stream.recv(), 10))["type"] == "state"

@@ -24,6 +24,7 @@ from bridge.bus.identity.roster import OPERATOR
 from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, decode, encode
 from bridge.bus.session import Sample, Session, Stamp, free_port, open_client, open_router
+from bridge.record.digests import digests
 from bridge.run.access import access_of
 from lostlink.cli.main import lostlink
 from lostlink.replay.player import Player
@@ -267,6 +268,20 @@ def test_what_nobody_wants_is_not_made(record: Path) -> None:
         ReplayProcess(router, Keys("made"), Controls(player, pace, 0, player.end_ns)).run()
         assert "states" not in player.__dict__
         assert "sent" not in player.__dict__
+
+
+def test_what_the_record_has_lost_is_told(record: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(record, tmp_path / "cut")
+    (copy / "summary.json").write_text(json.dumps({"digests": digests(record)}))
+    (copy / "logs").mkdir(exist_ok=True)
+    (copy / "deliveries.parquet").unlink()
+    shutil.rmtree(copy / "streams" / "packets")
+    command = [sys.executable, "-m", "lostlink", "replay", str(copy), "--out", str(tmp_path / "runs")]
+    command += ["--speed", "max", "--zenoh-port", "0"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0
+    lost = "deliveries, packets/0, packets/1, packets/gcs"
+    assert ended.stderr == f"lostlink: warning: {copy}: the record has lost {lost}: not played\n"
 
 
 def test_a_directory_whose_name_is_no_key_is_told_with_the_option_that_helps(

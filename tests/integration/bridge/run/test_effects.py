@@ -20,6 +20,7 @@ from bridge.record.streams import read_stream
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
+from bridge.run.directory import RunDirectory
 from channel.link.radio import Radio
 from channel.presets import radio_from_mapping
 from tests.integration.bridge.conftest import STILL, Run, StartRun
@@ -216,7 +217,8 @@ def test_tables_that_cannot_be_finished_break_the_run_off_and_its_summary_says_s
 ) -> None:
     run = start_run(duration_s=4.0, speed="2")
     run.wait_for("sim time")
-    (run.directory / "truth.parquet.partial").mkdir()
+    pid = RunDirectory(run.directory).info.pid
+    (run.directory / f"truth.parquet.{pid}.partial").mkdir()
     assert run.finish() == 1
     assert run.summary["ending"] == "failed"
     assert "its tables could not be written as Parquet" in run.summary["error"]

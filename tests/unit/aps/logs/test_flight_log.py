@@ -189,6 +189,7 @@ def test_data_flash_reads_as_pymavlink_reads_it(tmp_path):
         (b"", b"", "ground.tlog: no MAVLink frames"),
         (b"hello" * 100, b"", "ground.tlog: no MAVLink frames"),
         (None, b"\xff" * 500, "ua.tlog: no MAVLink frames"),
+        (None, b"ULog\x01\x12\x35\x01" + b"\xff" * 500, "ua.tlog: a ULog, which is not read"),
     ],
 )
 def test_files_that_are_no_logs_are_named(tmp_path, received, sent, words):
@@ -211,6 +212,8 @@ def test_what_is_missing_is_said(tmp_path):
         read_link(ground, other, receiver_at=HOME)
     with pytest.raises(AutopilotLogError, match=r"cannot read .*nothing\.tlog"):
         read_link(ground, tmp_path / "nothing.tlog")
+    with pytest.raises(AutopilotLogError, match=r"cannot read .*nothing\.bin"):
+        read_link(ground, tmp_path / "nothing.bin")
     with pytest.raises(AutopilotLogError, match="does not show what arrived"):
         read_link(tmp_path / "ground.bin", sent)
     (tmp_path / "ua.bin").write_bytes(b"nothing")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+from multiprocessing.connection import Connection
 from pathlib import Path
-
-import pytest
 
 from bridge.run.whole_file import whole_file
 from bridge.scenario.mcap import McapSettings
@@ -19,13 +19,12 @@ def linked(link: Path, tmp_path: Path) -> Path:
     return precious
 
 
-@pytest.mark.parametrize("is_shared", [False, True])
-def test_a_link_in_its_place_is_not_followed(tmp_path: Path, is_shared: bool) -> None:
+def test_a_link_in_its_place_is_not_followed(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
-    with whole_file(path, is_shared=is_shared) as partial:
+    with whole_file(path) as partial:
         link = partial
     precious = linked(link, tmp_path)
-    with whole_file(path, is_shared=is_shared) as partial:
+    with whole_file(path) as partial:
         partial.write_text("1,2")
     assert (path.read_text(), precious.read_text()) == ("1,2", "of long work")
     assert not path.is_symlink()
@@ -33,9 +32,56 @@ def test_a_link_in_its_place_is_not_followed(tmp_path: Path, is_shared: bool) ->
 
 def test_nor_is_it_on_the_way_to_an_mcap_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    precious = linked(path.with_suffix(".partial"), tmp_path)
+    with whole_file(path) as partial:
+        link = partial
+    precious = linked(link, tmp_path)
     with McapFile(path, McapSettings()) as file:
         file.channel("/a", "std_msgs/msg/Header", "clock")
     assert precious.read_text() == "of long work"
     assert path.read_bytes().startswith(b"\x89MCAP0")
     assert not path.is_symlink()
+
+
+def write_beside(path: Path, other: Connection) -> None:
+    """Write the file in another process, and be told when to end it."""
+    with whole_file(path) as partial, partial.open("w") as file:
+        file.write("half")
+        other.send("half")
+        other.recv()
+        file.write(", and the other half")
+
+
+def test_two_processes_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    here, there = multiprocessing.Pipe()
+    other = multiprocessing.get_context("fork").Process(target=write_beside, args=(path, there))
+    other.start()
+    assert here.recv() == "half"
+    with whole_file(path) as partial:
+        partial.write_text("whole")
+    assert path.read_text() == "whole"
+    here.send("go on")
+    other.join()
+    assert (other.exitcode, path.read_text()) == (0, "half, and the other half")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nor_do_two_that_write_one_mcap_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    here, there = multiprocessing.Pipe()
+    other = multiprocessing.get_context("fork").Process(target=export_beside, args=(path, there))
+    other.start()
+    assert here.recv() == "begun"
+    with McapFile(path, McapSettings()) as file:
+        file.channel("/a", "std_msgs/msg/Header", "clock")
+    here.send("go on")
+    other.join()
+    assert other.exitcode == 0
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def export_beside(path: Path, other: Connection) -> None:
+    """Write an MCAP file in another process, and be told when to end it."""
+    with McapFile(path, McapSettings()):
+        other.send("begun")
+        other.recv()

@@ -190,6 +190,24 @@ def test_a_record_that_has_lost_its_streams_replaces_no_mcap_and_says_what_one_l
     assert not [topic for topic in read_mcap(other).counts if topic.endswith("packets")]
 
 
+def test_a_record_that_has_lost_tables_says_what_there_is_no_csv_of(tmp_path: Path) -> None:
+    def log(made: RunContent) -> None:
+        made.streams[names.logged("0")] = [Entry(0, encode_logged(LoggedValue("said", "text")))]
+
+    folder = make_run(tmp_path / "run", log)
+    summary = folder / "summary.json"
+    summary.write_text(json.dumps({"digests": digests(folder)}))
+    assert run(folder, "--csv").stderr == ""
+    DELIVERIES.parquet_path(folder).unlink()
+    shutil.rmtree(folder / "streams")
+    done = run(folder, "--csv", "--out", tmp_path / "out")
+    assert (done.exit_code, {path.name for path in (tmp_path / "out").iterdir()}) == (0, {"truth.csv"})
+    lost = f"lostlink: warning: {folder}: the record has lost deliveries, logged/0: not in these files\n"
+    assert done.stderr == lost
+    summary.write_text("{")
+    assert run(folder, "--csv").exit_code == 0
+
+
 SMALL_FILES = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))

@@ -276,10 +276,12 @@ def test_a_writer_killed_at_any_moment_leaves_all_but_its_last_second(tmp_path: 
         assert_same(read(tmp_path), found)
 
 
-@pytest.mark.parametrize("line", ["5", "[1, 2, 3]", '["mood", "good"]', "[" * 100_000, "nan"])
-def test_names_that_are_none_are_told_with_their_file(tmp_path: Path, line: str) -> None:
+@pytest.mark.parametrize(
+    "line", [b"5", b"[1, 2, 3]", b'["mood", "good"]', b"[" * 100_000, b"nan", b"\xf5", b'["channel", "\xe4"]']
+)
+def test_names_that_are_none_are_told_with_their_file(tmp_path: Path, line: bytes) -> None:
     DeliveryWriter(tmp_path, ("0", "1"), Vocabulary()).close()
     names = names_path(DELIVERIES.journal_path(tmp_path))
-    names.write_text(f"{line}\n")
+    names.write_bytes(line + b"\n")
     with pytest.raises(TableError, match=names.name):
         read(tmp_path)
