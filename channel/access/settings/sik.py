@@ -175,7 +175,8 @@ def _both_bps(settings: SikSettings, length_bytes: int) -> float:
         end = window * timing.round // 2 + left
         for stream in (streams[window % 2], streams[window % 2 - 1]):
             data_bytes = 0
-            for data_bytes, left in _frames(stream, settings, left, end):
+            for data_bytes, rest in _frames(stream, settings, left, end):
+                left = rest
                 carried_bytes += data_bytes
                 flight += timing.flight(data_bytes)
             if data_bytes:  # the window is full: it is not yielded to the other
