@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import struct
-from math import isfinite
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Final
 
 from bridge.bus.session import Sample, Stamp
@@ -39,7 +38,7 @@ def handling_of(priority: int, lifetime_s: float | None, key: str) -> Handling:
         return PLAIN
     if not (isinstance(priority, Integral) and -128 <= priority <= 127):
         raise ValueError(f"priority={priority!r}: a whole number from -128 to 127")
-    if lifetime_s is not None and not (isfinite(lifetime_s) and 0.0 <= lifetime_s <= LIFETIME_MAX_S):
+    if lifetime_s is not None and not (isinstance(lifetime_s, Real) and 0.0 <= lifetime_s <= LIFETIME_MAX_S):
         raise ValueError(f"lifetime_s={lifetime_s!r}: from 0 to {LIFETIME_MAX_S:g} s")
     if not _is_key(key):
         raise ValueError(f"key={key!r}: a text of at most {KEY_MAX_BYTES} bytes in UTF-8")

@@ -54,6 +54,8 @@ class BitRate:
 
 
 MAC_HEADER_BYTES, FCS_BYTES, LLC_BYTES = 24, 4, 8
+MAX_MSDU_BYTES = 2304
+"""IEEE 802.11-2020, 9.2.4.8.1: the longest MSDU, of which LLC and SNAP are a part."""
 ACK_BYTES, CTS_BYTES, RTS_BYTES = 14, 14, 20
 """IEEE 802.11-2020, 9.3: a data frame with three addresses, LLC and SNAP in its body; control frames with FCS."""
 
@@ -91,7 +93,7 @@ class Wifi:
     symbol_ns: int = 0
     extension_ns: int = 0
     header_bytes: int = MAC_HEADER_BYTES + LLC_BYTES + FCS_BYTES
-    max_length_bytes: int = 2304
+    max_length_bytes: int = MAX_MSDU_BYTES - LLC_BYTES
     lowest_rate_mbps: float | None = None
     short_preamble_ns: int | None = None
 

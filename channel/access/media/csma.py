@@ -76,8 +76,9 @@ class Csma(AccessMedium):
         limits: QueueLimits | None = None,
         hearing: Hearing | None = None,
     ) -> None:
-        super().__init__(world, limits or QueueLimits(), timing.max_length_bytes)
         self.timing, self.settings = timing, settings or DcfSettings()
+        longest_bytes = timing.max_length_bytes - self.settings.header_bytes
+        super().__init__(world, limits or QueueLimits(), longest_bytes)
         hearing = hearing or Hearing()
         self.air = Air(self.agenda, world, hearing, self._passed, self._book_all, senses_sources=True)
         draws = Draws(seed)

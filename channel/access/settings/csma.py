@@ -82,7 +82,7 @@ class CsmaMedium(Shared):
     @property
     def max_length_bytes(self) -> int:
         """The longest packet."""
-        return self.timing().max_length_bytes
+        return self.timing().max_length_bytes - self.header_bytes
 
     def timing(self) -> Wifi:
         """Of frames, slots and windows."""

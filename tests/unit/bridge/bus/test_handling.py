@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -57,6 +59,8 @@ def test_a_key_that_is_no_text_is_refused() -> None:
     [
         ((200, None, ""), "priority=200"),
         ((0, -1.0, ""), "lifetime_s=-1.0"),
+        ((0, math.nan, ""), "lifetime_s=nan"),
+        ((0, "1", ""), "lifetime_s='1'"),
         ((0, None, "é" * 200), "at most 255 bytes"),
         ((0, None, "a\ud83d"), "in UTF-8"),
     ],

@@ -432,6 +432,19 @@ def test_control_frames_have_no_headers_of_the_layers_above(rts_from_bytes: int 
     assert reply.at_ns == fate.started_ns + DATAGRAM_NS + 10_000 + 50_000
 
 
+@pytest.mark.parametrize(("header_bytes", "longest_bytes"), [(0, 2296), (28, 2268)])
+def test_an_msdu_of_2304_bytes_has_llc_and_the_headers_of_the_layers_above_in_it(
+    header_bytes: int, longest_bytes: int
+) -> None:
+    """IEEE 802.11-2020, 9.2.4.8.1; LLC and SNAP are 8 bytes."""
+    medium = Csma(PlainWorld((0, 1)), wifi_g(), settings=DcfSettings(header_bytes=header_bytes))
+    for number in range(2):
+        medium.offer(AirPacket(0, number, None, longest_bytes + number, 0))
+    too_long, came = (one for one in medium.run(S) if isinstance(one, AirFate))
+    assert (too_long.packet.number, too_long.loss) == (1, Loss.TOO_LONG)
+    assert (came.packet.number, came.loss) == (0, None)
+
+
 def test_a_setting_has_the_headers_on_the_air_and_in_what_is_carried() -> None:
     """One broadcaster: DIFS of 28 us, 7.5 slots of 9 us, the frame."""
     for header_bytes, frame_ns in ((28, DATAGRAM_NS), (0, RAW_NS)):

@@ -160,7 +160,7 @@ def test_load_on_a_pair_of_sik_radios_is_over_what_their_firmware_carries() -> N
     assert load["capacity_bps"] == pytest.approx(both_bps, rel=0.03)
     (warning,) = plan["warnings"]
     share = 20 * 8 * (HOLDS_BYTES + FLIES_OUT_BYTES) / load["capacity_bps"]
-    assert f"{share:.2g} times what the medium sik carries" in warning
+    assert f"{share:.3g} times what the medium sik carries" in warning
 
 
 def test_load_on_several_pairs_of_sik_radios_is_that_of_the_busiest() -> None:

@@ -220,7 +220,8 @@ def test_what_a_packet_needs(radio: str, payload: int, packet_s: float) -> None:
         ("tdma, slot_s: 0.5, max_length_bytes: 100", 100),
         ("delay, least_s: 0, median_s: 0, most_s: 0, rate_bps: 1000, max_length_bytes: 100", 100),
         ("elrs, buffer_bytes: 100", 100),
-        ("csma, standard: 11g", 2304),
+        ("csma, standard: 11g", 2296),
+        ("csma, standard: 11g, header_bytes: 28", 2268),
         ("sik", 1850),
     ],
 )
