@@ -39,8 +39,8 @@ from bridge.bus.messages import AircraftState, DataPackage, Header, Quaternion, 
 from bridge.bus.reception import Reception
 from bridge.bus.session import Session, Stamp, free_port, open_client, open_router
 from bridge.radio.heard import Hosts
-from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import PACKAGE_ENCODING, RecordedRadio
+from bridge.radio.router.publisher import TickPublisher
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.scenario.agents import StillAgent

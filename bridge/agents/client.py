@@ -43,7 +43,7 @@ from bridge.bus.messages.ages import age_s
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.record.logged import LoggedValue, checked_name, checked_text, checked_value, kind_of
-from bridge.scenario.calls import CALLED_WITH, wrong_call
+from bridge.scenario.own.calls import CALLED_WITH, wrong_call
 
 if TYPE_CHECKING:
     from channel.sensing.sensor import Sensor

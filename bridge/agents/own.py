@@ -7,8 +7,8 @@ from pathlib import Path
 from types import FunctionType
 
 from bridge.agents.agent import Agent
-from bridge.scenario.agent_class import AWAITED, IS_ASYNC, IS_GENERATOR, IS_PLAIN, NO_AGENT, PLAIN_METHODS
-from bridge.scenario.calls import CALLED_WITH, wrong_call
+from bridge.scenario.own.agent_class import AWAITED, IS_ASYNC, IS_GENERATOR, IS_PLAIN, NO_AGENT, PLAIN_METHODS
+from bridge.scenario.own.calls import CALLED_WITH, wrong_call
 from sitl_configs.own_code import OwnCodeError, load_module
 
 

@@ -21,7 +21,7 @@ from bridge.run.directory import RunDirectory
 from bridge.timeouts import AGENT_GRACE_S, FLIGHT_GRACE_S, NEWS_PERIOD_S, ROUTER_GRACE_S, START_S
 
 MODULES = {
-    "router": "bridge.radio.process",
+    "router": "bridge.radio.router.process",
     "physics": "bridge.physics.process",
     "host": "bridge.host.process",
 }

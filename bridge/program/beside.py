@@ -15,9 +15,9 @@ from bridge.host.hosted_node import HostedNode
 from bridge.host.on_bus import AskedOnBus
 from bridge.physics.held_clock import Paced
 from bridge.physics.on_bus import ClockOnBus
-from bridge.radio.on_bus import RadioOnBus
-from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import RecordedRadio, SettledTick
+from bridge.radio.router.on_bus import RadioOnBus
+from bridge.radio.router.publisher import TickPublisher
 from bridge.run.directory import RunDirectory
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from bridge.bus.session import Session, open_router
 from bridge.bus.supervisor_socket import SupervisorSocket
 from bridge.host.offspring import Offspring
 from bridge.program.program import NAME, Go, Program, Tell
-from bridge.radio.process import login_watch
+from bridge.radio.router.process import login_watch
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.process import add_run_arguments, log_to_files, run_until_stopped

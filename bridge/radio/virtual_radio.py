@@ -1,7 +1,7 @@
 """The virtual radio: everything that one node transmits goes through here, and what survives goes on.
 
 `VirtualRadio` is the core: it takes packets, true positions and answers to ticks, and says what became of them. It
-knows no Zenoh: the process around it is `bridge.radio.process`.
+knows no Zenoh: the process around it is `bridge.radio.router.process`.
 
 The router also closes each tick: once every regulated node has answered it, all packets of that tick are settled at
 once, in one order whoever was first, and on their way; only then is the fleet clock released. So no packet is late

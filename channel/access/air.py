@@ -1,7 +1,7 @@
-"""Transmissions on their way to all receivers (`channel.access.receiver`).
+"""Transmissions on their way to all receivers (`channel.access.reception.receiver`).
 
 A frame that meets no other passes the receivers whose access does not attend to it as a whole, when it is over
-(`channel.access.passing`). At all others its edges are events.
+(`channel.access.reception.passing`). At all others its edges are events.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda
 from channel.access.packets import AirFrame, Loss
-from channel.access.passing import Notes, PassingFrame
-from channel.access.receiver import DeafEar, Ear, Hearing, Receiver
-from channel.access.sources import NOBODY, SensedSources
+from channel.access.reception.passing import Notes, PassingFrame
+from channel.access.reception.receiver import DeafEar, Ear, Hearing, Receiver
+from channel.access.reception.sources import NOBODY, SensedSources
 from channel.access.world import Arrival, Disturbed, FrameArrivals, Rows, World, name_of
 
 __all__ = ["Air", "DeafEar", "Ear", "Hearing", "OnFates", "Receiver"]

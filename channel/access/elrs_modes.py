@@ -8,7 +8,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Final
 
-from channel.access.carriers import Carriers
+from channel.access.reception.carriers import Carriers
 
 SYNC_MS: Final = 5000
 """How often a transmitter that hears its receiver sends a sync packet."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from channel.access.carriers import Carriers
 from channel.access.packets import AirFrame
+from channel.access.reception.carriers import Carriers
 from channel.access.timing import NS_PER_S
 from channel.access.world import Arrival
 from channel.checks import FloatArray

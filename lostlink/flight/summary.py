@@ -20,9 +20,9 @@ from bridge.scenario.resolve.radio import config_of
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.verdict import UNJUDGED, verdict_of
-from lostlink.plan.held import held_back
-from lostlink.reading.air_account import AirAccount, account_of
-from lostlink.reading.air_use import NEEDED, NS_PER_S, of_networks
+from lostlink.plan.radios.held import held_back
+from lostlink.reading.air.account import AirAccount, account_of
+from lostlink.reading.air.use import NEEDED, NS_PER_S, of_networks
 from lostlink.reading.links import link_counts
 from lostlink.reading.routes import on_air_ns
 from lostlink.reading.rows import DeliveryRows

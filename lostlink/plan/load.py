@@ -14,7 +14,7 @@ from channel.draws import Draws
 from channel.link.radio import Radio
 from channel.routing.router import Hop
 from channel.routing.settings import MeshRouting, router_of
-from lostlink.reading.capacity import Capacity, SharedBy
+from lostlink.reading.air.capacity import Capacity, SharedBy
 
 ON_GROUND = ("STABILIZE", "CUSTOM_MODE_ENABLED|STABILIZE_ENABLED|MANUAL_INPUT_ENABLED")
 IN_FLIGHT = (

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lostlink.plan.load import OfferedLoad
 from lostlink.plan.plan import NodePlan, RunPlan
-from lostlink.plan.reach import FARTHEST_M
+from lostlink.plan.radios.reach import FARTHEST_M
 
 KINDS = {"ground": "on the ground", "emitter": "an emitter"}
 NODES_SHOWN_MAX = 20

@@ -19,19 +19,19 @@ from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from channel.variant import name_of
-from lostlink.plan.flow import overflows
-from lostlink.plan.held import held_back
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
-from lostlink.plan.links import RadioLinks, links_of, unlinked
 from lostlink.plan.load import NodeLoad, OfferedLoad, offered_load, without_messages
-from lostlink.plan.networks import NetworkPlan, networks_of, rates_that_differ
-from lostlink.plan.outages import OutagePlan, outages_of
-from lostlink.plan.reach import Reach, reach_of
+from lostlink.plan.radios.flow import overflows
+from lostlink.plan.radios.held import held_back
+from lostlink.plan.radios.links import RadioLinks, links_of, unlinked
+from lostlink.plan.radios.networks import NetworkPlan, networks_of, rates_that_differ
+from lostlink.plan.radios.outages import OutagePlan, outages_of
+from lostlink.plan.radios.reach import Reach, reach_of
+from lostlink.plan.radios.unheard import unheard
 from lostlink.plan.start_positions import start_ned_m
-from lostlink.plan.unheard import unheard
 from lostlink.plan.validity import beyond_validity
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.air.capacity import Capacity
 
 AIRTIME_MAX = 1.0
 NAMED_MAX = 5

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from bridge.scenario.model import Scenario
-from lostlink.reading.air_account import account_of
-from lostlink.reading.air_use import NEEDED, NS_PER_S, delays_of, edges_of, frames_of, of_networks, offered_of
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.air.account import account_of
+from lostlink.reading.air.capacity import Capacity
+from lostlink.reading.air.use import NEEDED, NS_PER_S, delays_of, edges_of, frames_of, of_networks, offered_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.report.packets import COLUMNS, period_of
 

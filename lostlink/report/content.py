@@ -23,7 +23,7 @@ from channel.validity import OutsideValidityError
 from lostlink.compare.summary import mistakes_in_summary
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.positions import places_of, separation_m
 from lostlink.reading.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.rows import DeliveryRows

@@ -16,7 +16,7 @@ from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
-from bridge.scenario.own_class import clash_of, lineage_of, mistake_in, options_read, unread_options
+from bridge.scenario.own.own_class import clash_of, lineage_of, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, origin_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from

@@ -9,9 +9,9 @@ from typing import ClassVar, Literal, NamedTuple, Protocol
 from pydantic import Field
 
 from channel.access.air import Hearing
-from channel.access.carriers import Carriers
-from channel.access.leaks import Leaks
 from channel.access.queue import QueueLimits
+from channel.access.reception.carriers import Carriers
+from channel.access.reception.leaks import Leaks
 from channel.access.timing import NS_PER_S, BitRate
 from channel.access.world import World
 from channel.numbers.units import ratio_from_db

@@ -7,10 +7,10 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, field_validator
 
-from channel.access.carriers import Carriers
 from channel.access.elrs_modes import ELRS_MODES
 from channel.access.media.elrs import Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
+from channel.access.reception.carriers import Carriers
 from channel.access.settings.base import Surroundings, two_by_two
 from channel.variant import Variant
 

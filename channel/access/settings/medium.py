@@ -7,8 +7,8 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from channel.access.carriers import Carriers
 from channel.access.media.medium import AccessMedium
+from channel.access.reception.carriers import Carriers
 from channel.access.settings.air_time import AirTimeMedium
 from channel.access.settings.base import Ideal
 from channel.access.settings.csma import CsmaMedium

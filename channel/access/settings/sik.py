@@ -8,7 +8,6 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from channel.access.carriers import Carriers
 from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik
 from channel.access.media.sik_stream import ByteStream
@@ -22,6 +21,7 @@ from channel.access.media.sik_timing import (
     sik_timing,
 )
 from channel.access.packets import AirPacket
+from channel.access.reception.carriers import Carriers
 from channel.access.settings.base import Locking, Queue, Surroundings, two_by_two
 from channel.access.settings.slots import Ids
 from channel.access.timing import NS_PER_S

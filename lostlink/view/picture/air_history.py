@@ -1,6 +1,6 @@
 """The use of the air of each radio network over sim time: frames, waiting, delays. From the fates of packets.
 
-As `lostlink.reading.air_use` has it of a whole record: durations of distinct transmissions are added up, with the
+As `lostlink.reading.air.use` has it of a whole record: durations of distinct transmissions are added up, with the
 attempts of the packet in it that had fewest, each as long as the last. Where nodes hand packets on, fates have the
 transmission that decided alone, and nothing of other hops and of originator messages: of such networks there are delays
 alone.

@@ -15,7 +15,7 @@ import pytest
             "bridge.host.process",
             "scipy matplotlib jsbsim channel.link.radio bridge.scenario.file rosbags pyarrow",
         ),
-        ("bridge.radio.process", "asyncio scipy matplotlib jsbsim pymavlink rosbags pyarrow"),
+        ("bridge.radio.router.process", "asyncio scipy matplotlib jsbsim pymavlink rosbags pyarrow"),
         ("bridge.bus.messages", "numpy rosbags"),
         (
             "bridge.physics.process",

@@ -13,7 +13,7 @@ from bridge.agents import Agent, OwnCodeError, agent_class
 from bridge.agents.own import load_class
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.file import SCENARIOS, ScenarioError, parse_scenario
-from bridge.scenario.own_class import mistake_in
+from bridge.scenario.own.own_class import mistake_in
 
 TEXT = (SCENARIOS / "separation.yaml").read_text(encoding="utf-8")
 VALUES = "{limits_m: [.inf, -.inf, 1.5], names: {a: null, b: x}, quick: true}"

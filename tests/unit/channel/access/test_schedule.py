@@ -7,11 +7,11 @@ from math import erfc, log10, pi, sqrt
 import pytest
 
 from channel.access.air import Hearing
-from channel.access.leaks import Leaks
 from channel.access.media.schedule import Schedule, Slot
 from channel.access.media.tdma import Tdma
 from channel.access.packets import AirFate, AirPacket, Loss
 from channel.access.queue import QueueLimits, TransmitQueue
+from channel.access.reception.leaks import Leaks
 from channel.access.timing import BitRate
 from channel.access.world import PlainWorld, World
 from channel.link.radio import Radio

@@ -15,7 +15,7 @@ from bridge.scenario.resolve.radio import radio_from
 from lostlink.cli.flying.check import check
 from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
-from lostlink.plan.reach import reach_of
+from lostlink.plan.radios.reach import reach_of
 
 HOLDS_BYTES, FLIES_OUT_BYTES = 328, 376
 """Lengths of data packages in flight, read from the record of a run with this radio, which counts payloads."""

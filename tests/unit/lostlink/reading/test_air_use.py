@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from bridge.record.tables.deliveries import FATES
-from lostlink.reading.air_account import account_of
-from lostlink.reading.air_use import (
+from lostlink.reading.air.account import account_of
+from lostlink.reading.air.capacity import Capacity, rate_text
+from lostlink.reading.air.too_long import TooLong, remark_of, warnings_of
+from lostlink.reading.air.use import (
     BUSY_NS,
     NEEDED,
     delays_of,
@@ -22,9 +24,7 @@ from lostlink.reading.air_use import (
     quantiles,
     received_most_bits_per_s,
 )
-from lostlink.reading.capacity import Capacity, rate_text
 from lostlink.reading.rows import LINK, DeliveryRows
-from lostlink.reading.too_long import TooLong, remark_of, warnings_of
 from tests.unit.lostlink.replay.flown import scenario_of
 
 MS, S = 1_000_000, 1_000_000_000

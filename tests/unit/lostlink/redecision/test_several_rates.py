@@ -12,11 +12,11 @@ from bridge.record.tables.reader import read_columns
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import Scenario
-from lostlink.plan.networks import rates_that_differ
 from lostlink.plan.plan import plan_of
-from lostlink.reading.air_account import account_of
-from lostlink.reading.air_use import NEEDED
-from lostlink.reading.capacity import Capacity
+from lostlink.plan.radios.networks import rates_that_differ
+from lostlink.reading.air.account import account_of
+from lostlink.reading.air.capacity import Capacity
+from lostlink.reading.air.use import NEEDED
 from lostlink.reading.rows import link_rows
 from lostlink.redecision.redecide import redecide
 from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown

@@ -46,7 +46,7 @@ from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.nodes import Aircraft
-from bridge.scenario.own_class import mistake_in
+from bridge.scenario.own.own_class import mistake_in
 from bridge.scenario.sections import Transmit
 from sitl_configs.own_code import OwnCodeError
 

@@ -13,10 +13,10 @@ from bridge.bus.keys import Keys
 from bridge.bus.messages import Clock, Header, RadioSwitch, Truths, decode
 from bridge.bus.session import STUCK_READER_S, Sample, Session, Stamp, open_router
 from bridge.radio.heard import Hosts
-from bridge.radio.intake import Handler
-from bridge.radio.on_bus import RadioOnBus
-from bridge.radio.publisher import TickPublisher
 from bridge.radio.radio import REFUSALS_LOGGED_MAX, RecordedRadio
+from bridge.radio.router.intake import Handler
+from bridge.radio.router.on_bus import RadioOnBus
+from bridge.radio.router.publisher import TickPublisher
 from bridge.record.events import Report
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every

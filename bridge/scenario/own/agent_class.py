@@ -11,7 +11,7 @@ import inspect
 from collections import Counter
 from collections.abc import Iterator
 
-from bridge.scenario.calls import CALLED_WITH, wrong_call
+from bridge.scenario.own.calls import CALLED_WITH, wrong_call
 
 PLAIN_METHODS = ("on_tick", "on_packet", "on_measurement", "transmit_package", "package")
 """Methods of an agent that are called, not awaited."""

@@ -10,7 +10,9 @@ import numpy as np
 from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import FATES
 from channel.medium.reception import Fate
-from lostlink.reading.air_use import (
+from lostlink.reading.air.capacity import Capacity, SharedBy, rate_text
+from lostlink.reading.air.too_long import TooLong, remark_of, too_long_of, warnings_of
+from lostlink.reading.air.use import (
     BUSY_NS,
     NS_PER_S,
     Numbers,
@@ -20,9 +22,7 @@ from lostlink.reading.air_use import (
     offered_of,
     received_most_bits_per_s,
 )
-from lostlink.reading.capacity import Capacity, SharedBy, rate_text
 from lostlink.reading.rows import RUN_ENDED, DeliveryRows
-from lostlink.reading.too_long import TooLong, remark_of, too_long_of, warnings_of
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
@@ -178,7 +178,7 @@ def account_of(
     """The account of a network over a run.
 
     Args:
-        rows: of the network, with `lostlink.reading.air_use.NEEDED`, one for each receiver.
+        rows: of the network, with `lostlink.reading.air.use.NEEDED`, one for each receiver.
         capacity: of the network.
         end_ns: the end of the run, its last tick included.
         on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.

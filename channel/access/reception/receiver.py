@@ -14,8 +14,8 @@ from types import MappingProxyType
 from typing import Protocol
 
 from channel.access.agenda import SIGNAL_STARTS, Agenda, Entry
-from channel.access.leaks import Leaks
 from channel.access.packets import AirFrame, Loss
+from channel.access.reception.leaks import Leaks
 from channel.access.world import Piece, World
 
 
@@ -122,8 +122,8 @@ class _Reception:
 class Receiver:
     """What one node hears.
 
-    While a node's access does not attend to what it hears, whole frames pass it (`channel.access.passing`): what they
-    left here is then made up for by `has_heard` and `has_met`.
+    While a node's access does not attend to what it hears, whole frames pass it (`channel.access.reception.passing`):
+    what they left here is then made up for by `has_heard` and `has_met`.
 
     Attributes:
         transmits: whether it is on the air itself.

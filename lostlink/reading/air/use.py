@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bridge.record.tables.deliveries import delays_s
 from bridge.scenario.model import Scenario
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
 
 NS_PER_S: Final = 1e9

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channel.access.packets import AirFrame
-from channel.access.receiver import Hearing
+from channel.access.reception.receiver import Hearing
 from channel.access.world import FrameArrivals, Rows
 
 NEVER_NS = -1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bridge.record.tables.deliveries import FATES, TOO_LONG, Cause
 from channel.medium.reception import Fate
-from lostlink.reading.capacity import Capacity
+from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
 
 NO_ROOM: Final = FATES.index(Fate.TOO_LONG_FOR_A_SLOT.value)

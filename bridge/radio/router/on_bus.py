@@ -11,8 +11,8 @@ from bridge.bus.keys import KeyMistake, Keys
 from bridge.bus.messages import AgentStatus, CommandEvent, DecodeError, decode
 from bridge.bus.replies import reply_event
 from bridge.bus.session import Query, Sample, Session, Stamp, encoding_said
-from bridge.radio.intake import Intake, Waiting
 from bridge.radio.radio import RecordedRadio
+from bridge.radio.router.intake import Intake, Waiting
 from bridge.radio.senders import Refused
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario

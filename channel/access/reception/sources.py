@@ -9,7 +9,7 @@ from channel.access.agenda import SIGNAL_ENDS, SIGNAL_STARTS, Agenda, Entry
 from channel.access.world import Sources
 
 if TYPE_CHECKING:
-    from channel.access.receiver import Receiver
+    from channel.access.reception.receiver import Receiver
 
 NOBODY: Final = -1
 
