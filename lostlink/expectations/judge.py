@@ -128,7 +128,7 @@ class _Judge:
                 lost = self.packets.lost_by_host()
                 return float(lost), "packets", lost <= wanted.at_most
             case EndingExpectation():
-                return self.ending, "", self.ending == wanted.ending
+                return self.ending or "no end", "", self.ending == wanted.ending
         raise TableError(f"no such expectation: {wanted!r}")  # pragma: no cover
 
     def _delivery(self, wanted: DeliveryExpectation) -> tuple[float | None, str, bool]:

@@ -33,7 +33,7 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
 
     Of two runs: true states, MAVLink, packets and deliveries. Prints `identical` and what was compared, or the first
     difference in sim time with both values, and of runs of other scenarios the table below. Ends with status 0 if the
-    runs are identical, 1 if not, 2 if one cannot be read.
+    runs are identical, 1 if not, 2 if one cannot be read or has not ended yet.
 
     Of three or more, or with --metrics or --html: a table of settings that differ, verdict, delivery per link, ages
     of information, least distance of two UA, and which digests are equal. Ends with status 0, or 2 if a run cannot be
@@ -57,6 +57,7 @@ def compare(runs: tuple[Path, ...], metrics: bool, html: Path | None, as_json: b
 
 
 def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
+    from bridge.run.directory import RunDirectory
     from lostlink.cli.records.report import tell_mistakes
     from lostlink.compare.compare import examine
     from lostlink.compare.made_by import others_made_by
@@ -64,6 +65,9 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
 
     try:
         run_a, run_b = runs
+        for run in runs:
+            if RunDirectory(run).is_live:
+                raise ValueError(f"{run}: this run has not ended yet: what is compared would grow meanwhile")
         comparison = examine(run_a, run_b, on_progress=CompareProgress())
         others = others_made_by(runs)
         settings = {} if comparison.difference is None else _settings(runs)

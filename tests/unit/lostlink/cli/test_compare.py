@@ -29,6 +29,16 @@ def test_identical_runs(tmp_path: Path) -> None:
     )
 
 
+def test_a_run_that_goes_on_is_not_compared(tmp_path: Path) -> None:
+    """Its parts grow while they are read, so that not even with itself it would be the same."""
+    b = make_run(tmp_path / "b", is_finished=False)
+    with RunDirectory(b).going_on():
+        done = run(make_run(tmp_path / "a"), b)
+    assert done.exit_code == 2
+    assert f"{b}: this run has not ended yet" in done.stderr
+    assert run(tmp_path / "a", b).exit_code == 0
+
+
 def test_runs_may_be_named_as_they_are_in_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b"):
         make_run(tmp_path / "runs" / name)

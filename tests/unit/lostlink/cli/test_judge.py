@@ -31,6 +31,7 @@ def test_a_run_that_broke_off_before_its_first_tick_meets_nothing(tmp_path: Path
         "FAILED: ends",
     ]
     assert all(line.endswith("found nothing of the kind") for line in lines[:3])
+    assert lines[3].endswith("found no end")
 
 
 def test_a_function_that_raises_is_not_met_and_the_rest_is_judged(tmp_path: Path) -> None:
