@@ -111,7 +111,9 @@ def ask_over_http(urls: Sequence[str], token: str) -> Iterator[dict[str, Any]]:
             with _opened(opener, request) as reply:
                 yield _named(name, json.load(reply))
         except urllib.error.HTTPError as error:
-            yield {"name": name, "error": _refusal(error)}
+            with error:
+                refusal = _refusal(error)
+            yield {"name": name, "error": refusal}
         except urllib.error.URLError as error:
             yield {"name": name, "error": str(error.reason)}
         except (OSError, ValueError) as error:

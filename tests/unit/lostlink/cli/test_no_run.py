@@ -74,7 +74,7 @@ def test_a_record_whose_scenario_is_none_is_told_with_file_and_line(
     file.write_bytes(content.encode(errors="surrogateescape"))
     done = CliRunner().invoke(command.lostlink, [*words.split(), str(file.parent)], standalone_mode=False)
     assert done.exit_code == 2, done.exception
-    assert f"{file}{NO_SCENARIOS[content]}\n" in done.output
+    assert f"{file}{NO_SCENARIOS[content]}" in done.output
     assert "pydantic" not in done.output
     with pytest.raises(ScenarioError, match=re.escape(f"{file}{NO_SCENARIOS[content]}")):
         _ = load_run(file.parent).scenario

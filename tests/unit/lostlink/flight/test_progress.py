@@ -182,7 +182,8 @@ def test_quiet_shows_nothing_and_asks_for_nothing(
     assert capsys.readouterr().err == "lostlink: it broke\n"
 
 
-def test_a_terminal_has_a_view_and_no_lines() -> None:
+def test_a_terminal_has_a_view_and_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
     output = Output()
     shown = Progress(Console(file=output, force_terminal=True, width=120, height=30))
     with shown:

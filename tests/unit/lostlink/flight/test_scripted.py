@@ -106,7 +106,7 @@ def is_waited_for(frame: FrameType | None) -> bool:
 
 def test_a_flight_whose_end_is_not_waited_for_is_not_taken_for_ended(tmp_path: Path) -> None:
     """Of a thread that is over Python does not wait at its own end: the record would have none."""
-    interrupted, gone, released = threading.Event(), threading.Event(), threading.Event()
+    interrupted, gone, quiet, released = (threading.Event() for _ in range(4))
     thread: list[threading.Thread] = []
 
     def ctrl_c(_: int, frame: FrameType | None) -> None:
@@ -119,6 +119,7 @@ def test_a_flight_whose_end_is_not_waited_for_is_not_taken_for_ended(tmp_path: P
         thread.append(threading.current_thread())
         while not gone.wait(0.01):  # until it was interrupted twice
             os.kill(os.getpid(), signal.SIGUSR1)
+        quiet.set()
         released.wait()
         return {}
 
@@ -129,6 +130,7 @@ def test_a_flight_whose_end_is_not_waited_for_is_not_taken_for_ended(tmp_path: P
             scripted._in_a_thread(cast(Flight, flight), NOT_SAID)
         assert thread[0].is_alive()
     finally:
+        assert quiet.wait(10.0)  # else the next would end this process
         signal.signal(signal.SIGUSR1, before)
         released.set()
     thread[0].join()
