@@ -195,6 +195,7 @@ def test_an_end_that_was_killed_itself_is_made_up_for(tmp_path: Path) -> None:
     path = DELIVERIES.parquet_path(tmp_path)
     path.with_name(path.name + ".1.partial").write_bytes(b"PAR1 half of it")
     finish_tables(tmp_path)
+    assert list(tmp_path.iterdir()) == [path]
     DELIVERIES.journal_path(tmp_path).write_bytes(journal)  # killed before it was removed
     assert_same(read(tmp_path), joined(ticks))
     finish_tables(tmp_path)
