@@ -226,9 +226,12 @@ class Session:
     def close(self) -> None:
         """Undeclare everything and leave; what a client published is with its router then, if that still reads."""
         self._kept.clear()
-        if not self._inner.is_closed():
+        if self._inner.is_closed():
+            return
+        try:
             if self._is_client:
                 self._flush()
+        finally:  # a signal may end the wait
             self._inner.close()
 
     def _flush(self) -> None:

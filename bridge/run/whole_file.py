@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
 
 
@@ -12,26 +14,29 @@ from pathlib import Path
 def whole_file(path: Path) -> Iterator[Path]:
     """Gives the file to write, which takes the place of ``path`` in the end; nothing is left of it if that fails.
 
-    Other processes may write the same one at the same time: the last one's is there then.
+    Other processes may write the same one at the same time: the last one's is there then. What a process that was
+    killed has left is removed by the next one. In a directory that others write to, too, the file is ours.
 
     Raises:
-        OSError: it cannot be put there.
+        OSError: it cannot be put there, or somebody else has put there what we cannot remove.
     """
-    partial = new_partial(path)
-    try:
-        yield partial
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def new_partial(path: Path) -> Path:
-    """Make an empty file for what is to become ``path``; in a directory that others write to, too, it is ours.
-
-    Raises:
-        OSError: it cannot be made, or somebody else has put there what we cannot remove.
-    """
+    _remove_left(path)
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
     partial.unlink(missing_ok=True)
-    os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-    return partial
+    with partial.open("xb") as lock:
+        try:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            yield partial
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def _remove_left(path: Path) -> None:
+    """Remove what processes have left of ``path`` that were killed as they wrote it: nobody has a lock on it."""
+    for left in path.parent.glob(f"{escape(path.name)}.*.partial"):
+        if left.suffixes[-2][1:].isdecimal() and left.is_file():
+            with suppress(OSError), left.open("r+b") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                left.unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,20 @@ def write_whole_run(
     except FileExistsError:  # somebody else has put there what it names
         raise
     except BaseException:
-        shutil.rmtree(directory, ignore_errors=True)
         if was_there:
-            directory.mkdir(exist_ok=True)
+            _empty(directory)
+        else:
+            shutil.rmtree(directory, ignore_errors=True)
         raise
+
+
+def _empty(directory: Path) -> None:
+    with suppress(OSError):
+        for each in directory.iterdir():
+            if each.is_dir():
+                shutil.rmtree(each, ignore_errors=True)
+            else:
+                each.unlink()
 
 
 def _written(result: Redecision, directory: Path, on_progress: OnProgress) -> dict[str, Any]:

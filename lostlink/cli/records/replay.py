@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 ZENOH_PORT = 7447
 EXIT_USAGE = 2
-PLAYED = frozenset({"states", "deliveries", "packets", "logged"})
+PLAYED = frozenset({"states", "measurements", "deliveries", "packets", "logged"})
 """Tables, and kinds of streams, that are played beside the truth."""
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Final, Self
 
 from mcap.writer import CompressionType, Writer
 
-from bridge.run.whole_file import new_partial
+from bridge.run.whole_file import whole_file
 from bridge.scenario.mcap import McapSettings
 from lostlink.export.mcap.definitions import ENCODING, Schemas
 
@@ -43,8 +43,9 @@ class McapFile:
         """Messages by topic that were longer than allowed."""
         self.counts: Counter[str] = Counter()
         """Messages by topic."""
-        self._path, self._partial = path, new_partial(path)
-        self._file: BinaryIO = self._partial.open("wb")
+        with ExitStack() as stack:
+            self._file: BinaryIO = stack.enter_context(stack.enter_context(whole_file(path)).open("wb"))
+            self._whole = stack.pop_all()
         self._writer: Any = Writer(self._file, CHUNK_BYTES, _COMPRESSION[settings.compression])
         self._writer.start(PROFILE, "lostlink")
         self._schema_ids: dict[str, int] = {}
@@ -72,15 +73,12 @@ class McapFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
     ) -> None:
-        try:
-            if kind is None:
+        if kind is None:
+            with self._whole:
                 self._writer.finish()
-                self._file.close()
-                self._partial.replace(self._path)
-        finally:
-            with suppress(OSError):
-                self._file.close()
-            self._partial.unlink(missing_ok=True)
+        else:
+            with suppress(OSError):  # of what is still to be written
+                self._whole.__exit__(kind, error, at)
 
 
 class Channel:

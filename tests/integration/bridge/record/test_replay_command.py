@@ -272,7 +272,7 @@ def test_what_nobody_wants_is_not_made(record: Path) -> None:
 
 def test_what_the_record_has_lost_is_told(record: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(record, tmp_path / "cut")
-    (copy / "summary.json").write_text(json.dumps({"digests": digests(record)}))
+    (copy / "summary.json").write_text(json.dumps({"digests": digests(record) | {"measurements": ""}}))
     (copy / "logs").mkdir(exist_ok=True)
     (copy / "deliveries.parquet").unlink()
     shutil.rmtree(copy / "streams" / "packets")
@@ -280,7 +280,7 @@ def test_what_the_record_has_lost_is_told(record: Path, tmp_path: Path) -> None:
     command += ["--speed", "max", "--zenoh-port", "0"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 0
-    lost = "deliveries, packets/0, packets/1, packets/gcs"
+    lost = "deliveries, measurements, packets/0, packets/1, packets/gcs"
     assert ended.stderr == f"lostlink: warning: {copy}: the record has lost {lost}: not played\n"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pyarrow.parquet as pq
-import pytest
 
 from tests.warm import run_lostlink
 
@@ -56,7 +55,6 @@ vary: {nodes.1.agent.options.does: [raise, die, die nameless, leave, ask, break,
 """
 
 
-@pytest.mark.slow
 def test_a_run_that_fails_or_dies_costs_no_other(tmp_path: Path) -> None:
     for name, text in (("mine.py", AGENT), ("ends.yaml", SCENARIO), ("study.yaml", STUDY)):
         (tmp_path / name).write_text(text, encoding="utf-8")

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import threading
 
-from bridge.bus.session import _config
+import pytest
+
+from bridge.bus.session import _config, free_port, open_client, open_router
 from bridge.timeouts import LEASE_S
 
 
@@ -29,3 +32,18 @@ def test_nothing_is_left_in_shared_memory() -> None:
         [sys.executable, "-c", SHARED], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout == "False\n"
+
+
+def test_a_client_whose_wait_is_interrupted_leaves_nevertheless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By Ctrl-C, or a signal handler that exits."""
+
+    def interrupted(*_: object) -> bool:
+        raise KeyboardInterrupt
+
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with open_router(endpoint), open_client(endpoint) as client:
+        with monkeypatch.context() as patch:
+            patch.setattr(threading.Event, "wait", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                client.close()
+        assert client._inner.is_closed()

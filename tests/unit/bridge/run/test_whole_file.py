@@ -66,6 +66,23 @@ def test_two_processes_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_what_a_killed_process_has_left_is_removed_by_the_next_one(tmp_path: Path) -> None:
+    """And nothing else: nobody knows what others have given a name like it."""
+    path = tmp_path / "table[1].csv"
+    mine = tmp_path / "table[1].csv.old.partial"
+    mine.write_text("of long work")
+    here, there = multiprocessing.Pipe()
+    other = multiprocessing.get_context("fork").Process(target=write_beside, args=(path, there))
+    other.start()
+    assert here.recv() == "half"
+    other.kill()
+    other.join()
+    assert len(list(tmp_path.iterdir())) == 2
+    with whole_file(path) as partial:
+        partial.write_text("whole")
+    assert sorted(tmp_path.iterdir()) == [path, mine]
+
+
 def test_nor_do_two_that_write_one_mcap_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     here, there = multiprocessing.Pipe()

@@ -228,13 +228,15 @@ def test_a_full_disk_leaves_the_directory_as_it_was(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("lostlink.redecision.whole_run.write_summary", full)
-    (tmp_path / "there").mkdir()
-    for name in ("there", "new"):
+    (tmp_path / "there").mkdir(0o700)
+    (tmp_path / "link").symlink_to("there")
+    for name in ("there", "link", "new"):
         result = redecide(run, "--out", tmp_path / name)
         assert result.exit_code != 0
         assert "No space left on device" in result.stderr
-    assert [each.name for each in tmp_path.iterdir()] == ["there"]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["link", "there"]
     assert list((tmp_path / "there").iterdir()) == []
+    assert (tmp_path / "there").stat().st_mode & 0o777 == 0o700
 
 
 EXPECTATIONS = """expectations:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 import time
 from collections.abc import Callable
 from functools import partial
@@ -195,11 +196,32 @@ def test_an_end_that_was_killed_itself_is_made_up_for(tmp_path: Path) -> None:
     path = DELIVERIES.parquet_path(tmp_path)
     path.with_name(path.name + ".1.partial").write_bytes(b"PAR1 half of it")
     finish_tables(tmp_path)
+    assert list(tmp_path.iterdir()) == [path]
     DELIVERIES.journal_path(tmp_path).write_bytes(journal)  # killed before it was removed
     assert_same(read(tmp_path), joined(ticks))
     finish_tables(tmp_path)
     assert not DELIVERIES.journal_path(tmp_path).exists()
     assert_same(read(tmp_path), joined(ticks))
+
+
+def test_two_processes_may_finish_one_run(tmp_path: Path) -> None:
+    fork = multiprocessing.get_context("fork")
+    ticks = list(fleet_columns(3, 500))
+    write_deliveries(tmp_path, ticks, 3)
+    ready = fork.Barrier(2)
+
+    def finish() -> None:
+        ready.wait(10.0)
+        finish_tables(tmp_path)
+
+    others = [fork.Process(target=finish) for _ in range(2)]
+    for each in others:
+        each.start()
+    for each in others:
+        each.join()
+    assert [each.exitcode for each in others] == [0, 0]
+    assert_same(read(tmp_path), joined(ticks))
+    assert list(tmp_path.iterdir()) == [DELIVERIES.parquet_path(tmp_path)]
 
 
 def test_an_end_that_finds_no_room_on_the_disk_leaves_what_was_there(tmp_path: Path) -> None:
