@@ -36,12 +36,14 @@ LOOK_PERIOD_S = 1.0
 LEASE_S = 3600.0
 """A process that is frozen (stopped, swapped out, its machine asleep) keeps its connections for so long, and flies on
 when it thaws; Zenoh's 10 s would cut it off for good. Longer than SILENCE_S: the run decides when it is given up."""
+LEAVE_S = 0.5
+"""For the router to have taken what a client of it published before it leaves."""
 AGENT_END_S = 0.5
 """For all agents of a host to end after they were stopped; their records are written in any case."""
 OFFSPRING_END_S = 0.5
 """For processes that agents have started to end after they were asked to."""
 AGENT_GRACE_S = 2.0
-"""For the hosts to end: longer than their agents, and what these have started, may take."""
+"""For the hosts to end: longer than their agents, what these have started, and their leave may take together."""
 FAILURE_GRACE_S = 2.0
 """For a tick in which an agent failed to be closed, so that the run ends with a whole tick."""
 FLIGHT_GRACE_S = 1.5

@@ -23,14 +23,12 @@ from bridge.bus.identity.guard import RouterGuard
 from bridge.bus.identity.keyring import Credentials
 from bridge.bus.keys import ROOT
 from bridge.bus.messages import Message, encode, encoding_of
-from bridge.timeouts import LEASE_S
+from bridge.timeouts import LEASE_S, LEAVE_S
 
 CONNECT_RETRY = {"period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1}
 """The processes of a run start together, so that most knock before the router is there (Zenoh: each second)."""
 STUCK_READER_S = 1.0
 """How long the router waits for a reader that takes nothing before it cuts it off (Zenoh's default: 5 s)."""
-FLUSH_S = 1.0
-"""How long a client that leaves waits (wall time) for its router to have taken what it published."""
 FLUSH_KEY = f"{ROOT}/flush"
 """Which nobody serves, so that the router itself answers, after all that came before."""
 _ATTACHMENT = struct.Struct("<qqB16s")
@@ -240,8 +238,8 @@ class Session:
         nothing: Any = Callback(lambda _: None, arrived.set, indirect=False)
         with suppress(zenoh.ZError):  # nobody is there any more
             block = zenoh.CongestionControl.BLOCK
-            self._inner.get(FLUSH_KEY, nothing, timeout=FLUSH_S, congestion_control=block)
-            arrived.wait(FLUSH_S)
+            self._inner.get(FLUSH_KEY, nothing, timeout=LEAVE_S, congestion_control=block)
+            arrived.wait(LEAVE_S)
 
     def __enter__(self) -> Self:
         return self

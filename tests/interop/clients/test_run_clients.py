@@ -13,8 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("way", ["tcp", "udp"])
+@pytest.mark.parametrize("way", ["tcp", pytest.param("udp", marks=pytest.mark.slow)])
 def test_mavsdk_finds_ua_0_and_its_position(
     tmp_path: Path, free_slot: Callable[[int], int], way: str
 ) -> None:
