@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from statistics import median
-from time import monotonic, sleep
+from time import sleep
 from typing import Any
 
 import psutil
@@ -337,9 +337,7 @@ def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: A
     run.wait_for("sim time")
     server = attach(run, "1", *python("echo_server"))
     assert first_line(server) == "listens"
-    began_s = monotonic()
     status, out, err = ended(attach(run, "0", *python("echo_client", "ua-1", 5, 100)))
     assert status == 0, err
-    assert monotonic() - began_s < 30.0
     assert "warning: the run flies at 4 times real time" in err
     assert min(float(line.split()[-1]) for line in out.splitlines()) < TICK_NS / 1e9, out
