@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from statistics import median
-from time import monotonic
+from time import sleep
 from typing import Any
 
 import psutil
@@ -257,9 +258,30 @@ def test_ping(processes: str, start_run: StartRun, attach: Attach) -> None:
     assert "identical" in refly(run)
 
 
+def wait_until_iperf_listens(server: Attached) -> None:
+    """Wait until it takes connections: with ``--json`` it says nothing before its end."""
+    while server.poll() is None:
+        if any(map(is_iperf_that_listens, psutil.Process(server.pid).children(recursive=True))):
+            return
+        sleep(0.05)
+    raise AssertionError(server.communicate())
+
+
+def is_iperf_that_listens(process: psutil.Process) -> bool:
+    """Whether a socket of its network namespace is in state 0A, TCP_LISTEN, at iperf3's port (proc(5))."""
+    try:
+        if process.name() != "iperf3":
+            return False
+        sockets = "".join(each.read_text() for each in Path(f"/proc/{process.pid}/net").glob("tcp*"))
+    except (OSError, psutil.NoSuchProcess):
+        return False
+    return re.search(r":1451 [0-9A-F]+:0000 0A ", sockets) is not None
+
+
 def iperf(attach: Attach, run: Run, *options: str) -> tuple[dict[str, Any], str]:
     """A test of iperf3 from UA 0 to UA 1; what the server reports, and what was said."""
     server = attach(run, "1", "iperf3", "--server", "--one-off", "--json")
+    wait_until_iperf_listens(server)
     status, out, err = ended(
         attach(run, "0", "iperf3", "--client", "ua-1", "--connect-timeout", "5000", *options), 120.0
     )
@@ -315,9 +337,7 @@ def test_at_another_speed_it_works_with_a_warning(start_run: StartRun, attach: A
     run.wait_for("sim time")
     server = attach(run, "1", *python("echo_server"))
     assert first_line(server) == "listens"
-    began_s = monotonic()
     status, out, err = ended(attach(run, "0", *python("echo_client", "ua-1", 5, 100)))
     assert status == 0, err
-    assert monotonic() - began_s < 30.0
     assert "warning: the run flies at 4 times real time" in err
     assert min(float(line.split()[-1]) for line in out.splitlines()) < TICK_NS / 1e9, out

@@ -18,7 +18,6 @@ from bridge.record.tables.every import finish_tables
 from bridge.record.tables.journal import BUFFER_ROWS, LABELS_MAX, TableWriter, names_path, read_rows
 from bridge.record.tables.schema import TableError
 from bridge.record.tables.truth import TRUTH
-from bridge.timeouts import FLUSH_PERIOD_S
 from tests.full_disk import no_file_beyond
 from tests.unit.bridge.record.tables.rows import assert_same, fleet_columns, joined, read, write_deliveries
 
@@ -245,6 +244,7 @@ while True:
     begin += rows
     if flush.is_due():
         writer.flush()
+        print(begin, flush=True)
     time.sleep(0.0005)
 """
 
@@ -253,20 +253,17 @@ while True:
 @pytest.mark.parametrize(
     "number", [*range(8), *(pytest.param(number, marks=pytest.mark.long) for number in range(8, 30))]
 )
-def test_a_writer_killed_at_any_moment_leaves_all_but_its_last_second(tmp_path: Path, number: int) -> None:
+def test_a_writer_killed_at_any_moment_leaves_what_it_has_flushed(tmp_path: Path, number: int) -> None:
     after_s = np.random.Generator(np.random.PCG64(number)).uniform(0.0, 2.5)
     command = [sys.executable, "-c", WRITER, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path.cwd()) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"begins\n"
-        began_ns = time.monotonic_ns()
         time.sleep(after_s)
-        killed_ns = time.monotonic_ns()
         os.kill(process.pid, signal.SIGKILL)
-        process.wait(10.0)
+        flushed = [0, *map(int, process.stdout)][-1]
     found = read(tmp_path) if DELIVERIES.journal_path(tmp_path).stat().st_size > 1000 else None
-    last_ns = began_ns if found is None else int(found["sim_time_ns"][-1])
-    assert killed_ns - last_ns < (FLUSH_PERIOD_S + 0.3) * 1e9
+    assert (0 if found is None else len(found["seq"])) >= flushed
     if found is not None:
         seq = np.arange(len(found["seq"]))
         assert (found["seq"] == seq).all()
