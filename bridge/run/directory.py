@@ -6,6 +6,7 @@ import errno
 import fcntl
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -91,13 +92,19 @@ class RunDirectory:
         """Make ``<parent>/<UTC time>-<scenario>``; a number is added if that is there already.
 
         Raises:
-            OSError: if it cannot be made, or its path is no text in UTF-8, by which alone Parquet opens files.
+            OSError: if it cannot be made, or its path is no text in UTF-8, by which alone Parquet and Zenoh open files.
         """
-        where = os.fsencode(parent.resolve())
+        place = parent.resolve()
+        where = os.fsencode(place)
         try:
-            where.decode("utf-8")
+            text = where.decode("utf-8")
         except UnicodeDecodeError as error:
             raise OSError(errno.EILSEQ, f"{where!r} is no path in UTF-8: name another") from error
+        if text != str(place):
+            encoding = sys.getfilesystemencoding()
+            raise OSError(
+                errno.EILSEQ, f"{text!a}: paths are in {encoding} here: set LC_ALL=C.UTF-8, or name another"
+            )
         path = new_directory(parent, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{scenario_name}")
         (path / LOG_FOLDER).mkdir()
         return cls(path.resolve())
@@ -110,7 +117,7 @@ class RunDirectory:
             OSError: if the lock cannot be had.
         """
         file = self.path / LIVE_FILE
-        with file.open("w") as lock:
+        with file.open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
                 yield
@@ -121,7 +128,7 @@ class RunDirectory:
     def is_live(self) -> bool:
         """Whether the run goes on; one that is over, or was killed, does not."""
         try:
-            with (self.path / LIVE_FILE).open() as lock:
+            with (self.path / LIVE_FILE).open("rb") as lock:
                 fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except FileNotFoundError:
             return False

@@ -51,9 +51,14 @@ def _read_or_ended() -> Iterator[None]:
     try:
         yield
     except BrokenPipeError:
-        for number in (1, 2):  # what is still to be written at the end comes to nothing
-            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        _say_no_more()
         sys.exit(OUTPUT_CLOSED)
+
+
+def _say_no_more() -> None:
+    """What is still to be written at the end comes to nothing."""
+    for number in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
 class LazyCommands(click.Group):
@@ -134,7 +139,10 @@ def _command() -> None:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        say(f"lostlink: {error}", err=True)  # what is printed goes to a file there, perhaps
+        where = "" if error.filename else ": where its output goes to, or the run is"
+        say(f"lostlink: {error}{where}", err=True)
+        if sys.stdout is sys.__stdout__:
+            _say_no_more()
         sys.exit(1)
     except click.Abort:  # Ctrl-C, where nothing else has a word for it
         say("lostlink: interrupted", err=True)

@@ -286,7 +286,7 @@ class Flight:
         self._begin("writes its tables")
         try:
             self._finish_tables()
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, ImportError) as error:  # Arrow is loaded here, where memory may be short
             ending = self._break_off(f"its tables could not be written as Parquet: {error}")
         self._begin("sums up")
         summary = summarise(
@@ -327,7 +327,8 @@ class Flight:
         try:
             write_mcap(self.directory.path, self.directory.path / MCAP_FILE, self.scenario.mcap, tell)
         except (OSError, ValueError) as error:
-            self._watcher.on_error(f"{MCAP_FILE} could not be written: {error}")
+            again = f"`lostlink export {self.directory.path} --mcap` writes it"
+            self._watcher.on_error(f"{MCAP_FILE} could not be written: {error}; {again}")
 
 
 def _interrupted_late(number: int, _: object) -> None:

@@ -191,7 +191,7 @@ class FleetFlight:
             AssertionError: it had none; the text says why.
         """
         if self.recorded_s() < 0.0:
-            raise AssertionError(f"the flight ended before its first tick: {self._told()}")
+            raise AssertionError(self._ended(math.inf))
 
     def ended_before(self, sim_time_s: float) -> str:
         """How it ended, if its last tick does not hold until ``sim_time_s``; empty if it does, or it goes on."""
@@ -287,6 +287,8 @@ class FleetFlight:
 
     def _ended(self, wanted_s: float) -> str:
         before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
+        if self.recorded_s() < 0.0:
+            return f"the flight ended before its first tick: {self._told()}"
         return f"the flight ended at {self.recorded_s():.2f} s{before}: {self._told()}"
 
     def _told(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import multiprocessing
 import signal
 import subprocess
 import sys
@@ -158,3 +159,9 @@ def check_installed() -> None:
     """
     if find_spec("nicegui") is None:
         raise NoView("the live view needs NiceGUI: pip install 'lostlink[view]'")
+    try:
+        multiprocessing.Lock()  # of the processes that NiceGUI keeps
+    except OSError as error:
+        raise NoView(
+            f"the live view needs shared memory, which /dev/shm has not: {error.strerror}"
+        ) from error

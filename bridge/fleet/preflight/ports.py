@@ -95,6 +95,16 @@ def _served(scenario: Scenario) -> Iterator[PortUse]:
                     yield PortUse(port, transport, f"modem of node {node.node} on {radio}", key)
 
 
+def why_no_loopback() -> str:
+    """Why nothing can listen on this machine, whatever the port; "" if something can."""
+    with socket.socket() as probe:
+        try:
+            probe.bind((HOST, 0))
+        except OSError as error:
+            return f"{HOST} cannot be bound ({error.strerror}), where all parts of a run listen: is the loopback up?"
+    return ""
+
+
 def conflicts(uses: Iterable[PortUse], held: Collection[PortUse] = ()) -> list[str]:
     """One line for each port that cannot be had: number, purpose, owner if known, and how to change it.
 

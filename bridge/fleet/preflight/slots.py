@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.locks import hold
-from bridge.fleet.preflight.ports import PortUse, conflicts, ports_of
+from bridge.fleet.preflight.ports import PortUse, conflicts, ports_of, why_no_loopback
 from bridge.scenario.model import Scenario
 
 NAME = "lostlink-tcp"
@@ -28,6 +28,11 @@ LAST_INSTANCE = 249
 """Of real autopilots: the last slot that PX4 takes."""
 
 
+def _see_loopback() -> None:
+    if why := why_no_loopback():
+        raise FleetError(why)
+
+
 @contextmanager
 def at_own_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scenario]:
     """The scenario where it is: its ports are free, and no other run's for as long as the context lasts.
@@ -37,9 +42,10 @@ def at_own_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scena
         repeats: it repeats a record.
 
     Raises:
-        FleetError: one is taken; the text says which, by whom if known, and what to do.
+        FleetError: one is taken; the text says which, by whom if known, and what to do. Or there is no loopback.
         OSError: it cannot be locked.
     """
+    _see_loopback()
     with ExitStack() as held:
         uses = list(ports_of(scenario, repeats=repeats))
         taken = conflicts(uses, _lock(uses, held))
@@ -57,9 +63,10 @@ def at_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scen
         repeats: it repeats a record.
 
     Raises:
-        FleetError: there are none; or a port that does not move with the slot is taken.
+        FleetError: there are none; or a port that does not move with the slot is taken; or there is no loopback.
         OSError: as `at_own_ports`.
     """
+    _see_loopback()
     count = max((ua.id for ua in scenario.ua), default=0) + 1
     last = LAST_INSTANCE if scenario.autopilots & {"ardupilot", "px4"} else LAST_SLOT
     moved = set(ports_of(_at(scenario, FIRST_SLOT + 1), repeats=repeats))

@@ -70,6 +70,25 @@ def test_a_path_that_is_no_utf8_is_refused_before_anything_is_flown(tmp_path: Pa
     assert not parent.exists()
 
 
+def test_a_path_that_the_locale_has_not_is_refused_before_anything_is_flown(tmp_path: Path) -> None:
+    """Arrow and Zenoh take it in UTF-8, whatever the locale says."""
+    made = "import sys; from pathlib import Path; from bridge.run.directory import RunDirectory\n"
+    made += "RunDirectory.create(Path(sys.argv[1]), 'made')"
+    posix = {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run(
+        [sys.executable, "-c", made, tmp_path / "\u00f6"],
+        env=os.environ | posix,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.stderr.splitlines()[-1].endswith(
+        "\\xf6': paths are in ascii here: set LC_ALL=C.UTF-8, or name another"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, "[]", "5", '{"run": "x"}'])
 def test_what_is_no_description_of_a_run_is_told_with_its_file(run: RunDirectory, text: str) -> None:
     (run.path / RUN_FILE).write_text(text)

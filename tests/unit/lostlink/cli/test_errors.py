@@ -40,6 +40,22 @@ def test_errors_begin_with_the_commands_name(
     assert "Error:" not in told
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_output_to_a_full_disk_is_told_and_ends_with_1() -> None:
+    """By Python's own end, which writes once more what could not be written: its status would be 120."""
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "lostlink", "radios"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    told = "lostlink: [Errno 28] No space left on device: where its output goes to, or the run is\n"
+    assert (done.returncode, done.stderr) == (1, told)
+
+
 def test_help_ends_well(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["lostlink", "--help"])
     with pytest.raises(SystemExit) as ended:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 import socket
 import subprocess
 import sys
@@ -14,7 +16,7 @@ import pytest
 
 from bridge.run.directory import RunDirectory
 from lostlink.view import beside
-from lostlink.view.beside import ViewProcess
+from lostlink.view.beside import NoView, ViewProcess, check_installed
 
 SERVES = """
 import socket, sys
@@ -99,3 +101,16 @@ async def test_another_listener_at_its_port_is_not_taken_for_the_view(
         assert told.startswith(f"the view has ended, as TCP port {view.port} (live view) is in use")
         assert "choose another with --view-port" in told
         assert "the run begins without it" in told
+
+
+def test_a_machine_without_shared_memory_is_told_before_the_page_is_promised(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused() -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr("multiprocessing.Lock", refused)
+    with pytest.raises(
+        NoView, match=r"^the live view needs shared memory, which /dev/shm has not: Permission denied$"
+    ):
+        check_installed()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from bridge.fleet.course import FleetError
-from bridge.fleet.preflight.slots import at_own_ports
+from bridge.fleet.preflight import ports
+from bridge.fleet.preflight.slots import at_free_ports, at_own_ports
 from bridge.scenario.file import parse_scenario
 from bridge.scenario.model import Scenario
 
@@ -55,3 +57,19 @@ def test_a_taken_port_of_a_modem_is_told_with_what_helps(taken: tuple[Scenario, 
 def test_a_run_that_repeats_a_record_serves_no_modem(taken: tuple[Scenario, int]) -> None:
     with at_own_ports(taken[0], repeats=True) as placed:
         assert placed is taken[0]
+
+
+@pytest.mark.parametrize("placed", [at_own_ports, at_free_ports])
+def test_a_machine_without_a_loopback_is_told_as_such(
+    placed: Callable[[Scenario], AbstractContextManager[Scenario]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No port of it is in use."""
+    monkeypatch.setattr(ports, "HOST", "192.0.2.1")  # of no machine (RFC 5737)
+    scenario = parse_scenario(SCENARIO.format(kind="tcpin", port=0, slot=0), "scenario", tmp_path, {})
+    with (
+        pytest.raises(FleetError, match=r"^192\.0\.2\.1 cannot be bound .*: is the loopback up\?$"),
+        placed(scenario),
+    ):
+        pass
