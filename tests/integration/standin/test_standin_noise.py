@@ -45,7 +45,9 @@ def heights_of_a_takeoff(seed: int) -> list[float]:
     return heights_m
 
 
-@pytest.mark.parametrize("seed", [1, 2, 6, 11, 24])
+@pytest.mark.parametrize(
+    "seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6, 11, 24))]
+)
 def test_noise_is_no_lift_off_and_hides_none(seed: int) -> None:
     heights_m = heights_of_a_takeoff(seed)
     # Home's height is one noisy sample, and so is where 5 m above it is.

@@ -17,15 +17,18 @@ import pytest
         ),
         ("bridge.radio.router.process", "asyncio scipy matplotlib jsbsim pymavlink rosbags pyarrow"),
         ("bridge.bus.messages", "numpy rosbags"),
-        (
+        pytest.param(
             "bridge.physics.process",
             "scipy asyncio matplotlib channel.link.radio bridge.scenario.file rosbags pyarrow",
+            marks=pytest.mark.slow,
         ),
         ("lostlink.cli.main", "pydantic asyncio numpy rich"),
         ("lostlink.cli.flying.run", "scipy matplotlib pymavlink jsbsim psutil"),
         ("bridge.record.streams", "numpy rosbags pymavlink pydantic zenoh"),
-        ("bridge.record.events", "numpy rosbags pymavlink pydantic zenoh"),
-        ("bridge.record.inputs", "pymavlink pydantic zenoh"),
+        pytest.param(
+            "bridge.record.events", "numpy rosbags pymavlink pydantic zenoh", marks=pytest.mark.slow
+        ),
+        pytest.param("bridge.record.inputs", "pymavlink pydantic zenoh", marks=pytest.mark.slow),
         ("channel.cli.plots", "scipy matplotlib"),
         ("standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],

@@ -96,7 +96,7 @@ def expected(preset: str) -> dict[tuple[str, str], str]:
     return found
 
 
-SLOW, LONG = {"elrs-2.4-333full", "rfd900x", "sik-433"}, {"elrs-900-200", "sik-868"}
+SLOW, LONG = {"elrs-2.4-333full", "rfd900x", "sik-433", "satellite", "wifi-5.8"}, {"elrs-900-200", "sik-868"}
 """Their kind is flown quickly by another, or they have hundreds of slots a second."""
 
 

@@ -195,7 +195,7 @@ def rounds_per_chunk(p: float) -> float:
 
 
 @pytest.mark.parametrize("node", [0, 1])
-@pytest.mark.parametrize("p", [0.1, 0.3])
+@pytest.mark.parametrize("p", [pytest.param(0.1, marks=pytest.mark.slow), 0.3])
 def test_stop_and_wait_under_loss(node: int, p: float) -> None:
     """Up and down, in rounds of two slots.
 

@@ -83,7 +83,7 @@ def offer(medium: AccessMedium, rate_hz: float, unicasts: bool) -> None:
     ],
 )
 @pytest.mark.parametrize("world", [near, at_once, hidden, far])
-@pytest.mark.parametrize("name", ["csma", "no cca", "airtime", "tdma"])
+@pytest.mark.parametrize("name", ["csma", pytest.param("no cca", marks=pytest.mark.slow), "airtime", "tdma"])
 def test_passing_changes_nothing(
     name: str, world: Callable[[], World], rate_hz: float, unicasts: bool
 ) -> None:

@@ -90,7 +90,7 @@ def test_windows(row: tuple[float, ...]) -> None:
     assert found == pytest.approx(row[3:6], abs=0.051)
 
 
-@pytest.mark.parametrize("row", TABLE)
+@pytest.mark.parametrize("row", [TABLE[0], *(pytest.param(row, marks=pytest.mark.slow) for row in TABLE[1:])])
 def test_user_bytes_a_second(row: tuple[float, ...]) -> None:
     """Of one node that is busy alone, and of one of two; a stream of bytes over 10 s, within 1 %."""
     settings = SikSettings(int(row[0]), bool(row[1]), framing=False, phases=BEFORE_OWN)

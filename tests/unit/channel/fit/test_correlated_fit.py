@@ -140,7 +140,7 @@ def written_from(file, log, settings=()):
     return text, json.loads(report), load_radio(radio)
 
 
-@pytest.mark.parametrize("settings", [(), GUDMUNDSON])
+@pytest.mark.parametrize("settings", [pytest.param((), marks=pytest.mark.slow), GUDMUNDSON])
 @pytest.mark.parametrize("dependent", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_written_radio_is_the_printed_one_where_deliveries_determine_little(
     tmp_path, dependent, settings

@@ -90,7 +90,11 @@ def came(nodes: Sequence[str], preset: str, changes: Mapping[str, object], sende
 
 @pytest.mark.parametrize("senders", [pytest.param("abcd", marks=pytest.mark.slow), "ad"])
 @pytest.mark.parametrize(
-    "medium", [pytest.param(each, marks=[pytest.mark.slow] if each == "elrs" else []) for each in MEDIA]
+    "medium",
+    [
+        pytest.param(each, marks=[pytest.mark.slow] if each in ("elrs", "tdma, shared", "airtime") else [])
+        for each in MEDIA
+    ],
 )
 def test_the_order_of_nodes_and_far_ones_change_nothing(medium: str, senders: str) -> None:
     preset, changes = MEDIA[medium]
