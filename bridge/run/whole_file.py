@@ -22,15 +22,25 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     _remove_left(path)
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    partial.unlink(missing_ok=True)
-    with partial.open("xb") as lock:
+    with _locked(partial):
         try:
-            with suppress(OSError):  # a file system without locks
-                fcntl.flock(lock, fcntl.LOCK_EX)
             yield partial
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _locked(partial: Path) -> Iterator[None]:
+    """Make a file anew and lock it; once more if it was taken for one that was left before it was locked."""
+    while True:
+        partial.unlink(missing_ok=True)
+        with partial.open("xb") as lock:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if partial.exists():
+                yield
+                return
 
 
 def _remove_left(path: Path) -> None:
@@ -39,4 +49,5 @@ def _remove_left(path: Path) -> None:
         if left.suffixes[-2][1:].isdecimal() and left.is_file():
             with suppress(OSError), left.open("r+b") as lock:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                left.unlink()
+                if os.path.samestat(os.fstat(lock.fileno()), left.stat()):  # not a newer one of that name
+                    left.unlink()
