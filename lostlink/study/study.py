@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import permutations
 from pathlib import Path
@@ -82,7 +82,10 @@ class Study:
 
     def to_measure(self) -> set[str]:
         """Ids of those cases that are left and need not be flown: their runs are there, and are measured anew."""
-        return {case.id for case in self.left() if recorded(self.path(case)) is not None}
+        return self._recorded(self.left())
+
+    def _recorded(self, cases: Iterable[Case]) -> set[str]:
+        return {case.id for case in cases if recorded(self.path(case)) is not None}
 
     def left(self) -> list[Case]:
         """The runs that are still to be flown or measured."""
@@ -107,24 +110,30 @@ class Study:
         """
         measures = measures_of(self.content.metrics)
         left = {self.path(case): case for case in self.left()}
-        measured = {case.id for path, case in left.items() if recorded(path) is not None}
-        to_fly, flown = sum(case.id not in measured for case in left.values()), 0
+        measured = self._recorded(left.values())
         for path, case in left.items():
             path.mkdir(parents=True, exist_ok=True)
             plan = self._plan(case)
             forget(path, measures, plan.labels)  # what other code said, or of a run that failed
             plan.write(path)
-        done, failed = len(self.cases) - len(left), 0
         count = len(self.cases)
-        yield Standing(done, failed, count)
+        standing = Standing(count - len(left), 0, count, to_fly=len(left) - len(measured))
+        yield standing
         for over in lanes.fly(list(left)):
             if over is None:
-                yield Standing(done, failed, count, None, "", flown, to_fly - flown)
+                yield replace(standing, case=None, failure="")
                 continue
-            failure = self._failure(over)
-            done, failed = done + 1, failed + bool(failure)
-            flown += left[over].id not in measured
-            yield Standing(done, failed, count, left[over], failure, flown, to_fly - flown)
+            failure, was_flown = self._failure(over), left[over].id not in measured
+            standing = Standing(
+                standing.done + 1,
+                standing.failed + bool(failure),
+                count,
+                left[over],
+                failure,
+                standing.flown + was_flown,
+                standing.to_fly - was_flown,
+            )
+            yield standing
 
     def rows(self) -> list[dict[str, Any]]:
         """A row per run: its labels, its id, why it failed ("" if it did not), and what was measured."""

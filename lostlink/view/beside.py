@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import multiprocessing
 import signal
 import subprocess
 import sys
@@ -159,6 +158,8 @@ def check_installed() -> None:
     """
     if find_spec("nicegui") is None:
         raise NoView("the live view needs NiceGUI: pip install 'lostlink[view]'")
+    import multiprocessing  # late: a run without a view needs none of it
+
     try:
         multiprocessing.Lock()  # of the processes that NiceGUI keeps
     except OSError as error:

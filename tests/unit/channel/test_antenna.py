@@ -80,32 +80,31 @@ def test_pattern_by_angles_from_the_zenith_is_refused():
         Pattern(pattern=tuple((az, polar, 1.0) for az in (0.0, 90.0) for polar in (0.0, 90.0, 180.0)))
 
 
-def test_pattern_without_rows_is_refused(tmp_path):
-    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n")
+def pattern_in(tmp_path, text, encoding="utf-8"):
+    """The pattern of a radio that names a file with this text."""
+    (tmp_path / "horn.csv").write_text(text, encoding=encoding)
     antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
+    return presets.load_radio("perfect", {"antenna": antenna}).antenna.pattern
+
+
+def test_pattern_without_rows_is_refused(tmp_path):
     with pytest.raises(presets.PresetError, match=r"antenna\.pattern: has to have at least 1"):
-        presets.load_radio("perfect", {"antenna": antenna})
+        pattern_in(tmp_path, "azimuth_deg,elevation_deg,gain_db\n")
 
 
 def test_a_pattern_without_a_heading_keeps_the_first_row_of_a_file_as_spreadsheets_write_it(tmp_path):
-    (tmp_path / "horn.csv").write_text("0,0,9\n180,0,-9\n", encoding="utf-8-sig")
-    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
-    pattern = presets.load_radio("perfect", {"antenna": antenna}).antenna.pattern
+    pattern = pattern_in(tmp_path, "0,0,9\n180,0,-9\n", encoding="utf-8-sig")
     assert pattern == ((0.0, 0.0, 9.0), (180.0, 0.0, -9.0))
 
 
 def test_a_first_row_that_lacks_a_number_is_no_heading(tmp_path):
-    (tmp_path / "horn.csv").write_text("0,0,\n180,0,-9\n")
-    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
     with pytest.raises(presets.PresetError, match=r"horn\.csv:1: .*not a row of numbers"):
-        presets.load_radio("perfect", {"antenna": antenna})
+        pattern_in(tmp_path, "0,0,\n180,0,-9\n")
 
 
 def test_a_row_that_lacks_a_number_is_named_by_its_line(tmp_path):
-    (tmp_path / "horn.csv").write_text("azimuth_deg,elevation_deg,gain_db\n\n0,0,9\n180,0,\n")
-    antenna = {"model": "pattern", "pattern_file": str(tmp_path / "horn.csv")}
     with pytest.raises(presets.PresetError, match=r"horn\.csv:4: .*not a row of numbers"):
-        presets.load_radio("perfect", {"antenna": antenna})
+        pattern_in(tmp_path, "azimuth_deg,elevation_deg,gain_db\n\n0,0,9\n180,0,\n")
 
 
 def test_pattern_from_csv(tmp_path):

@@ -378,6 +378,14 @@ def test_an_agent_that_cannot_be_made_ends_the_run_by_name(
     assert 'self.options["altitud"]' in log.read_text()
 
 
+def assert_the_radio_ended_it(run: Run, processes: str, told: str) -> None:
+    """In words: by the process that the radio is in."""
+    name = "fleet" if processes == "one" else "router"
+    assert run.summary["error"].startswith(f"{name} ended with status 1: {told}; its log is logs/{name}.log")
+    assert f": {told}; its log is {run.directory}/logs/{name}.log" in run.output.decode()
+    assert "Traceback" not in run.output.decode()
+
+
 LAWS = """
 import numpy as np
 from channel.variant import Variant
@@ -400,10 +408,7 @@ def test_a_model_of_ones_own_that_gives_nonsense_ends_the_run_by_its_class(
     run = start_run("--set", bursts, processes=processes, duration_s=60.0)
     assert run.finish() == 1
     told = "laws.py:Blinks.loss_at gave nan at sim_time_ns 2000000000: has to be from 0 to 1"
-    name = "fleet" if processes == "one" else "router"
-    assert run.summary["error"].startswith(f"{name} ended with status 1: {told}; its log is logs/{name}.log")
-    assert f": {told}; its log is {run.directory}/logs/{name}.log" in run.output.decode()
-    assert "Traceback" not in run.output.decode()
+    assert_the_radio_ended_it(run, processes, told)
 
 
 AIR = """
@@ -434,10 +439,7 @@ def test_a_medium_of_ones_own_that_raises_ends_the_run_by_its_class_and_line(
     run = start_run("--set", medium, processes=processes, duration_s=60.0)
     assert run.finish() == 1
     told = f"the medium Impatient: {tmp_path}/air.py:10: ZeroDivisionError: mine"
-    name = "fleet" if processes == "one" else "router"
-    assert run.summary["error"].startswith(f"{name} ended with status 1: {told}; its log is logs/{name}.log")
-    assert f": {told}; its log is {run.directory}/logs/{name}.log" in run.output.decode()
-    assert "Traceback" not in run.output.decode()
+    assert_the_radio_ended_it(run, processes, told)
 
 
 @pytest.mark.slow
