@@ -116,7 +116,7 @@ def test_a_study_killed_twice_and_resumed_leaves_the_same_table_as_a_whole_one(m
 def test_a_dask_cluster_leaves_the_same_table(make_study, tmp_path, whole):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0"
     ) as cluster:
         flown = fly(make_study(), tmp_path / "dask", "--scheduler", cluster.scheduler_address)
     assert flown.returncode == 0, flown.stderr
@@ -127,7 +127,11 @@ def test_a_dask_cluster_without_workers_is_told(make_study, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(
-            n_workers=0, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+            n_workers=0,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
         ) as cluster,
         subprocess.Popen(
             command(make_study(count=2), tmp_path / "out", "--scheduler", cluster.scheduler_address),

@@ -69,7 +69,11 @@ def test_on_a_dask_cluster(waiting: Path) -> None:
     distributed: Any = pytest.importorskip("distributed")
     with closing(
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+            n_workers=1,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
         )
     ) as cluster:
         assert not _leave(DaskLanes(cluster.scheduler_address), waiting)
@@ -84,7 +88,11 @@ def test_a_case_whose_workers_are_killed_is_over(waiting: Path) -> None:
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         closing(
             distributed.LocalCluster(
-                n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+                n_workers=1,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
             )
         ) as cluster,
         DaskLanes(cluster.scheduler_address) as lanes,
@@ -102,7 +110,11 @@ def test_a_scheduler_that_is_lost_is_told(waiting: Path) -> None:
     with (
         closing(
             distributed.LocalCluster(
-                n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+                n_workers=1,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
             )
         ) as cluster,
         DaskLanes(cluster.scheduler_address) as lanes,
@@ -124,7 +136,11 @@ def test_a_worker_that_is_frozen_keeps_nobody_from_leaving(
     distributed: Any = pytest.importorskip("distributed")
     with closing(
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+            n_workers=1,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
         )
     ) as cluster:
         with DaskLanes(cluster.scheduler_address) as lanes:
