@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 
 from bridge.bus.messages import AircraftState, DataPackage, Header, Waypoint, encode
 from bridge.scenario.agents import FreeAgent, OutAndBackAgent, OwnAgent, StillAgent
@@ -39,6 +40,7 @@ class NodeLoad:
         on_air_bits_per_s: with what the radio adds to a payload; None as above.
         airtime_share: of the time that the medium has; with `ideal`, of the radio's at its bit rate. 0 if it has no
             room for such packets.
+        own_share: of the part of that which one node alone can use; 0 where that is all.
         is_guess: whether code that we have not run may send more, less, or something else.
     """
 
@@ -47,6 +49,7 @@ class NodeLoad:
     payload_bytes: int | None
     on_air_bits_per_s: float | None
     airtime_share: float
+    own_share: float
     is_guess: bool
 
 
@@ -97,17 +100,23 @@ def offered_load(scenario: Scenario, radios: Mapping[str, Radio]) -> OfferedLoad
     nodes = tuple(_load_of(scenario, node, capacity, header_bytes) for node in scenario.transceivers)
     payloads = {node.node: 8.0 * (node.packets_per_s or 0.0) * (node.payload_bytes or 0) for node in nodes}
     shares = {node.node: node.airtime_share for node in nodes}
-    sums = [
-        (sum(shares[node] for node in ids), sum(payloads[node] for node in ids if shares[node] > 0.0))
+    shared_by = capacity.shared_by
+    sums: list[tuple[float, float, SharedBy]] = [
+        (
+            sum(shares[node] for node in ids),
+            sum(payloads[node] for node in ids if shares[node] > 0.0),
+            shared_by,
+        )
         for ids in capacity.sharers
     ]
-    share, carried = max(sums, default=(0.0, 0.0))
+    sums += [(node.own_share, payloads[node.node], "sender") for node in nodes]
+    share, carried, shared_by = max(sums, default=(0.0, 0.0, shared_by), key=itemgetter(0, 1))
     return OfferedLoad(
         nodes,
         capacity.medium,
         capacity.takes_time,
-        capacity.shared_by == "all",
-        capacity.shared_by,
+        shared_by == "all",
+        shared_by,
         capacity.has_turns,
         sum(node.packets_per_s or 0.0 for node in nodes),
         sum(node.on_air_bits_per_s or 0.0 for node in nodes),
@@ -139,13 +148,16 @@ def _load_of(
     scenario: Scenario, node: Aircraft | GroundNode, capacity: Capacity, header_bytes: int
 ) -> NodeLoad:
     if isinstance(node.agent, FreeAgent):
-        return NodeLoad(node.node, None, None, None, 0.0, is_guess=True)
+        return NodeLoad(node.node, None, None, None, 0.0, 0.0, is_guess=True)
     rate_hz = scenario.tick_rate_hz / scenario.transmit.every_ticks
     payload = package_bytes(node)
     counted = int(capacity.radios[node.node].length_bytes(payload))  # a fixed length may be less
     bits_per_s = 8.0 * rate_hz * max(payload, counted)
     share = rate_hz * capacity.packet_s(node.node, payload + header_bytes, PACKAGE_PRIORITY)
-    return NodeLoad(node.node, rate_hz, payload, bits_per_s, share, isinstance(node.agent, OwnAgent))
+    own_share = rate_hz * capacity.own_s(node.node, payload + header_bytes)
+    return NodeLoad(
+        node.node, rate_hz, payload, bits_per_s, share, own_share, isinstance(node.agent, OwnAgent)
+    )
 
 
 def package_bytes(node: Aircraft | GroundNode) -> int:

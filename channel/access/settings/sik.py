@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
+from itertools import count, islice
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from channel.access.media.medium import AccessMedium
 from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik
-from channel.access.media.sik_stream import ByteStream
 from channel.access.media.sik_timing import (
     AIR_RATES_KBPS,
-    LEAST_ROOM_BYTES,
     NOMINAL_TICK_NS,
     REAL_TICK_NS,
     SikSettings,
     SikTiming,
     sik_timing,
 )
-from channel.access.packets import AirPacket
+from channel.access.packets import AirFate, AirPacket
+from channel.access.queue import QueueLimits
 from channel.access.reception.carriers import Carriers
 from channel.access.settings.base import Locking, Queue, Surroundings, two_by_two
 from channel.access.settings.slots import Ids
 from channel.access.timing import NS_PER_S
+from channel.access.world import PlainWorld
 
-ROUNDS: Final = 12
-"""Over so many it is reckoned what a pair carries, as packets that are held back fill the next one."""
+START_ROUNDS: Final = 10
+LIMITED_START_ROUNDS: Final = 40
+"""A pair that is tried for what it carries is in its stride then, the second where its duty cycle has a limit."""
+ROUNDS: Final = 2 * START_ROUNDS, 100 * START_ROUNDS
+TRIED: Final = 100
+"""After its start it is tried for so many rounds, at least and at most, until so many packets have come."""
+NO_LIMIT_PERCENT: Final = 100
 
 
 class SikMedium(Locking):
@@ -155,54 +162,42 @@ class SikMedium(Locking):
         return Carriers.centred(self.channels, self.channel_spacing_hz)
 
     def capacity_bps(self, length_bytes: int, bit_rate_bps: float) -> float:  # noqa: ARG002
-        """Bits of packets of a length per second, if both of a pair send them back to back.
+        """Bits of packets of a length per second, if both of a pair always have one, as the medium carries them."""
+        return _carried_bps(self._settings(lambda _: 0), length_bytes, senders=2)
 
-        As far as packets that are kept whole fill their windows, and each is on the air for its duty cycle at most;
-        without the statistics that they tell each other, which let some packets pass that are held back.
-        """
-        return _both_bps(self._settings(lambda _: 0), length_bytes)
+    def node_capacity_bps(self, length_bytes: int) -> float:
+        """The same of one of a pair whose other has nothing: its own windows, and what is yielded to it."""
+        return _carried_bps(self._settings(lambda _: 0), length_bytes, senders=1)
 
 
 @lru_cache(maxsize=4096)
-def _both_bps(settings: SikSettings, length_bytes: int) -> float:
-    """What two radios carry that always have a packet."""
-    timing, packet = settings.timing(), AirPacket(0, 0, None, length_bytes, 0)
-    framed_bytes = timing.framed_bytes if settings.framing else 0
-    streams = [ByteStream(lambda: packet, lambda: packet, framed_bytes) for _ in range(2)]
-    carried_bytes = flight = 0
-    for window in range(2 * ROUNDS):
-        left = timing.window
-        end = window * timing.round // 2 + left
-        for stream in (streams[window % 2], streams[window % 2 - 1]):
-            data_bytes = 0
-            for data_bytes, rest in _frames(stream, settings, left, end):
-                left = rest
-                carried_bytes += data_bytes
-                flight += timing.flight(data_bytes)
-            if data_bytes:  # the window is full: it is not yielded to the other
-                break
-    ticks = ROUNDS * timing.round
-    on_air = min(1.0, settings.duty_cycle_percent / 100 * 2 * ticks / flight)
-    return 8 * carried_bytes * on_air * NS_PER_S / (ticks * settings.tick_ns)
+def _carried_bps(settings: SikSettings, length_bytes: int, senders: int) -> float:
+    """What comes over between two radios of which some always have a packet, once they are in their stride."""
+    pair = replace(settings, networks=None, netids=None, locked=True)
+    round_ns = pair.timing().round * pair.tick_ns
+    most = pair.air_kbps * 1000 * round_ns // (8 * length_bytes * NS_PER_S) + 1
+    medium = Sik(PlainWorld(range(2)), pair, limits=QueueLimits(0, 0))
+    numbers, waiting = count(), [0] * senders
 
+    def came_within(rounds: range) -> int:
+        """How many packets; each sender has more than fill a round."""
+        came = 0
+        for each in rounds:
+            for node in range(senders):
+                for number in islice(numbers, most - waiting[node]):
+                    medium.offer(AirPacket(node, number, None, length_bytes, each * round_ns))
+                waiting[node] = most
+            for one in medium.run((each + 1) * round_ns):
+                if isinstance(one, AirFate):
+                    waiting[one.packet.node] -= 1
+                    came += one.loss is None
+        return came
 
-def _frames(stream: ByteStream, settings: SikSettings, left: int, end: int) -> Iterator[tuple[int, int]]:
-    """User bytes of each frame in what is left of a window, and the ticks that are left behind it.
-
-    Without bytes it is the last one: what comes next is held back, and the window is yielded.
-    """
-    timing = settings.timing()
-    while True:
-        fits = timing.fits_bytes(left, uint8_fault=settings.uint8_fault)
-        if fits < LEAST_ROOM_BYTES:
-            pause = timing.pause(left) if settings.uint8_fault else 0
-            if not pause:
-                return
-            left -= pause
-            continue
-        data_bytes = sum(part.length_bytes for part in stream.cut(timing.room_bytes(fits), end - left))
-        left -= -(-timing.frame_ns(data_bytes) // settings.tick_ns)
-        yield data_bytes, left
-        if not data_bytes:
-            return
-        left -= timing.latency
+    begin = START_ROUNDS if pair.duty_cycle_percent == NO_LIMIT_PERCENT else LIMITED_START_ROUNDS
+    came_within(range(begin))
+    least, longest = ROUNDS
+    came, tried = came_within(range(begin, begin + least)), least
+    while came < TRIED and tried < longest:
+        came += came_within(range(begin + tried, begin + tried + least))
+        tried += least
+    return 8 * length_bytes * came * NS_PER_S / (tried * round_ns)

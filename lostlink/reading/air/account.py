@@ -194,15 +194,17 @@ def account_of(
     own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
     bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
     most = int(np.argmax(received_bps / bit_rates_bps))
+    capacity_bps, is_own = offered.busiest(whole)
+    shared_by: SharedBy = "sender" if is_own else capacity.shared_by
     return AirAccount(
         radio=capacity.network,
         medium=capacity.medium,
         takes_time=capacity.takes_time,
-        is_shared=capacity.shared_by == "all",
-        shared_by=capacity.shared_by,
+        is_shared=shared_by == "all",
+        shared_by=shared_by,
         packets=len(offered.tx),
         offered_bps=float(offered.bits_per_s(whole)[0]),
-        capacity_bps=offered.capacity_bps(whole),
+        capacity_bps=capacity_bps,
         share=float(offered.shares(whole)[0]),
         busiest_share=offered.busiest_share(end_ns),
         is_routed=on_air_ns is not None,

@@ -124,6 +124,14 @@ class Capacity:
             capacity_bps = settings.capacity_bps(length_bytes, bit_rate_bps)
         return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
 
+    def own_s(self, node: str, payload_bytes: int) -> float:
+        """The time that a packet needs of the part of what is shared that a node alone can use; 0 where that is all."""
+        if not isinstance(self.settings, SikMedium) or not self.packet_s(node, payload_bytes):
+            return 0.0
+        length_bytes = max(payload_bytes, 1)
+        capacity_bps = self.settings.node_capacity_bps(length_bytes)
+        return 8.0 * length_bytes / capacity_bps if capacity_bps > 0.0 else 0.0
+
     def payload_bytes(self, node: str, counted_bytes: int) -> int:
         """The payload of a packet by the length that the error model counts; that length, if all have one."""
         radio = self.radios[node]

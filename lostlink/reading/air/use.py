@@ -98,9 +98,11 @@ class Offered:
         at_ns: when, by the sender's stamp.
         tx: place of the sender.
         payload_bytes: of each.
-        need_s: the time that the network needs for each.
-        sharer: with whom the sender shares the network's time, by number (`Capacity.sharers`); -1: it needs none.
-        sharers: how many such numbers there are.
+        need_s: the time that each needs of every sharer that it counts for, shape (2, packets).
+        sharer: whose time that is, by number, likewise: of those who share the network's (`Capacity.sharers`), and of
+            the sender's own part of that, where it has one; -1: nobody's.
+        sharers: how many such numbers there are; senders' own parts are the last, one for each node.
+        nodes: how many there are.
     """
 
     at_ns: Whole
@@ -109,6 +111,7 @@ class Offered:
     need_s: Numbers
     sharer: Whole
     sharers: int
+    nodes: int
 
     def bits_per_s(self, edges_ns: Whole) -> Numbers:
         """Payload of all packets in each period."""
@@ -122,27 +125,29 @@ class Offered:
 
     def busiest_share(self, end_ns: int) -> float:
         """Of the network's time in the busiest `BUSY_NS` of a run; if not all share it, that of the busiest's."""
-        shares = busiest_per_s(self.at_ns, self.need_s, self.sharer, self.sharers, end_ns)
-        return float(shares.max(initial=0.0))
+        at_ns = np.tile(self.at_ns, len(self.sharer))
+        need_s, sharer = self.need_s.ravel(), self.sharer.ravel()
+        return float(busiest_per_s(at_ns, need_s, sharer, self.sharers, end_ns).max(initial=0.0))
 
-    def capacity_bps(self, whole_ns: Whole) -> float | None:
-        """Payload that the network carries of such packets; if not all share it, of the busiest's.
+    def busiest(self, whole_ns: Whole) -> tuple[float | None, bool]:
+        """Payload that the network carries of the packets of the busiest sharer, and whether that is a sender's own.
 
         Args:
             whole_ns: edges of the one period that is the run.
         """
-        payload_bits = np.asarray(8.0 * self.payload_bytes, dtype=np.float64)
+        payload_bits = np.broadcast_to(8.0 * self.payload_bytes, self.sharer.shape)
         (need_s,), (bits,) = self._sums(self.need_s, whole_ns), self._sums(payload_bits, whole_ns)
         if not need_s.any():
-            return None
+            return None, False
         busiest = int(np.argmax(need_s))
-        return float(bits[busiest] / need_s[busiest])
+        return float(bits[busiest] / need_s[busiest]), busiest >= self.sharers - self.nodes
 
     def _sums(self, values: Numbers, edges_ns: Whole) -> Numbers:
-        """Of a value of each packet in each period, of those who share, shape (periods, sharers)."""
-        mine, periods = self.sharer >= 0, len(edges_ns) - 1
-        cells = places_in(edges_ns, self.at_ns[mine]) * self.sharers + self.sharer[mine]
-        sums = np.bincount(cells, values[mine], periods * self.sharers)
+        """Of a value of each packet and sharer in each period, shape (periods, sharers)."""
+        counted, periods = self.sharer >= 0, len(edges_ns) - 1
+        place = np.broadcast_to(places_in(edges_ns, self.at_ns), self.sharer.shape)
+        cells = place[counted] * self.sharers + self.sharer[counted]
+        sums = np.bincount(cells, values[counted], periods * self.sharers)
         return np.asarray(sums, dtype=np.float64).reshape(periods, self.sharers)
 
 
@@ -154,10 +159,19 @@ def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
     once, nodes = given.at(first), rows.nodes
     payload_bytes = payloads_of(once, capacity)
     need_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.packet_s(nodes[tx], payload))
+    own_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.own_s(nodes[tx], payload))
     number = {node: number for number, ids in enumerate(capacity.sharers) for node in ids}
-    sharer = np.array([number.get(node, -1) for node in nodes], dtype=np.int64)[tx[first]]
-    at_ns = once.columns["sim_time_ns"]
-    return Offered(at_ns, tx[first], payload_bytes, need_s, sharer, len(capacity.sharers))
+    shared = np.array([number.get(node, -1) for node in nodes], dtype=np.int64)[tx[first]]
+    own = np.where(own_s > 0.0, len(capacity.sharers) + tx[first], -1)
+    return Offered(
+        once.columns["sim_time_ns"],
+        tx[first],
+        payload_bytes,
+        np.stack([need_s, own_s]),
+        np.stack([shared, own]),
+        len(capacity.sharers) + len(nodes),
+        len(nodes),
+    )
 
 
 def payloads_of(rows: DeliveryRows, capacity: Capacity) -> Whole:

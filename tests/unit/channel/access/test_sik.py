@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import mean, median
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,23 +108,37 @@ def test_what_a_pair_is_said_to_carry_of_long_packets(row: tuple[float, ...]) ->
 
 
 @pytest.mark.parametrize(
-    ("length_bytes", "duty_cycle_percent", "off"),
-    [(50, 100, 0.02), (92, 100, 0.02), (237, 100, 0.02), (200, 100, 0.22), (50, 10, 0.12), (200, 10, 0.12)],
+    ("medium", "length_bytes", "off"),
+    [
+        ({}, 50, 0.015),
+        ({}, 92, 0.02),
+        pytest.param({}, 500, 0.06, marks=pytest.mark.slow),
+        ({"ecc": True}, 92, 0.02),
+        pytest.param({"lbt": True}, 92, 0.02, marks=pytest.mark.slow),
+        pytest.param({"tick": "nominal"}, 200, 0.02, marks=pytest.mark.slow),
+        ({"duty_cycle_percent": 10}, 200, 0.06),
+        pytest.param({"duty_cycle_percent": 1}, 500, 0.06, marks=pytest.mark.slow),
+    ],
 )
-def test_what_a_pair_is_said_to_carry(length_bytes: int, duty_cycle_percent: int, off: float) -> None:
-    """Of packets that stay whole, and within a duty cycle, as much as comes over within two minutes.
+def test_what_a_pair_is_said_to_carry(medium: dict[str, Any], length_bytes: int, off: float) -> None:
+    """Both busy, and one alone, as much as comes over in a minute, with other phases of their windows.
 
-    92 bytes leave half of the windows empty; by statistics, which are not reckoned with, more of 200 bytes fit. The
-    firmware closes a window only after its average has passed the duty cycle.
+    92 bytes leave half of the windows empty; the firmware closes a window only after its average has passed the duty
+    cycle, and lets more over at the start.
     """
-    medium = SikMedium(duty_cycle_percent=duty_cycle_percent)
-    pair = Sik(PlainWorld((0, 1)), SikSettings(duty_cycle_percent=duty_cycle_percent), limits=UNLIMITED)
-    seconds = 120
-    busy(pair, [0, 1], length_bytes, 3600 * seconds // length_bytes)
-    came = [one for one in fates(pair.run(seconds * S)) if one.loss is None]
-    assert medium.capacity_bps(length_bytes, 0.0) == pytest.approx(
-        8 * length_bytes * len(came) / seconds, rel=off
-    )
+    settings = SikMedium.model_validate(medium)
+    pair = replace(settings._settings(lambda _: 0), networks=None)
+    for senders, said_bps in (
+        ([0, 1], settings.capacity_bps(length_bytes, 0.0)),
+        ([0], settings.node_capacity_bps(length_bytes)),
+    ):
+        sik = Sik(PlainWorld((0, 1)), pair, seed=5, limits=UNLIMITED)
+        start, seconds = 30, 60
+        busy(sik, senders, length_bytes, 7000 * (start + seconds) // length_bytes)
+        came = [
+            one for one in fates(sik.run((start + seconds) * S)) if one.loss is None and one.at_ns > start * S
+        ]
+        assert said_bps == pytest.approx(8 * length_bytes * len(came) / seconds, rel=off)
 
 
 @pytest.mark.slow

@@ -120,6 +120,22 @@ def test_each_pair_of_sik_radios_has_its_own_time() -> None:
     assert account.capacity_bps == pytest.approx(8 * 92 / one.packet_s("0", 92))
 
 
+def test_one_alone_of_a_pair_of_sik_radios_cannot_use_all_of_its_time() -> None:
+    """Packets of 92 bytes fill half of a window: what two carry together is more than one can alone."""
+    pair = Capacity.of(scenario_of(SIK, NODES[:2]))
+    alone = rows(*({"seq": seq, "fate": "queue_full"} for seq in range(40)))
+    account, own_s = account_of(alone, pair, S), pair.own_s("0", 92)
+    both = account_of(
+        rows(*({"tx": tx, "rx": 1 - tx, "seq": seq} for tx in (0, 1) for seq in range(20))), pair, S
+    )
+    assert own_s / pair.packet_s("0", 92) == pytest.approx(1.6, rel=0.05)
+    assert (account.shared_by, account.share) == ("sender", pytest.approx(40 * own_s))
+    assert account.busiest_share == pytest.approx(account.share)
+    assert account.capacity_bps == pytest.approx(8 * 92 / own_s)
+    assert "of one sender" in "".join(account.warnings)
+    assert (both.shared_by, both.share) == ("all", pytest.approx(40 * pair.packet_s("0", 92)))
+
+
 def test_each_sender_has_its_own_slots() -> None:
     """7 packets fit into each third slot of 0.1 s; node 0 offers 40 in a second, which all slots would carry."""
     account = account_of(rows(*({"seq": seq, "fate": "queue_full"} for seq in range(40))), capacity(TDMA), S)
