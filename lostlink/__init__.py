@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     )
     from bridge.agents.measurements import Measurement
     from bridge.bus.messages.codec import DecodeError
-    from bridge.bus.messages.types import DataPackage
+    from bridge.bus.messages.types import AircraftState, DataPackage
     from bridge.bus.reception import Reception
     from bridge.fleet.course import FleetError
     from bridge.scenario.file import ScenarioError
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Agent",
+    "AircraftState",
     "CommandFailed",
     "CommandInterrupted",
     "CommandRefused",
@@ -59,6 +60,7 @@ __all__ = [
 
 _PLACES = {
     "Agent": "bridge.agents.agent",
+    "AircraftState": "bridge.bus.messages.types",
     "CommandFailed": "bridge.agents.commands",
     "CommandInterrupted": "bridge.agents.commands",
     "CommandRefused": "bridge.agents.commands",
