@@ -37,7 +37,7 @@ def flown(candidates: Vectors, seeds: int, out: Path, duration_s: float) -> pd.S
         "set": {"duration_s": duration_s},
         "cases": cases,
         "metrics": f"{HERE / 'follow.py'}:score",
-        "keep": "none",
+        "keep": "failed",
     }
     out.mkdir(parents=True, exist_ok=True)
     file = out / "generation.yaml"
