@@ -6,6 +6,7 @@ import asyncio
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from functools import partial
 
 from bridge.bus.identity.roster import SUPERVISOR
 from bridge.bus.inbox import Inbox
@@ -16,6 +17,7 @@ from bridge.fleet.children.child import Child, ProcessSpec, end_all, end_with_ne
 from bridge.fleet.children.crew import Crew
 from bridge.fleet.course import FleetError
 from bridge.fleet.hosts import PREFIX
+from bridge.fleet.own_thread import in_own_thread
 from bridge.fleet.tidings import Tidings
 from bridge.run.directory import RunDirectory
 from bridge.timeouts import AGENT_GRACE_S, FLIGHT_GRACE_S, NEWS_PERIOD_S, ROUTER_GRACE_S, START_S
@@ -89,7 +91,7 @@ class ManyProcesses(Arrangement):
         deadline = asyncio.get_running_loop().time() + START_S
         while True:
             try:
-                return await asyncio.to_thread(open_client, endpoint, credentials, timeout_s=0.5)
+                return await in_own_thread(partial(open_client, endpoint, credentials, timeout_s=0.5))
             except SessionError as error:
                 if asyncio.get_running_loop().time() > deadline:
                     raise FleetError(str(error)) from error

@@ -26,6 +26,7 @@ from bridge.fleet.how import How, calls_standins, has_bus, how_joined
 from bridge.fleet.log_sizes import LogSizes
 from bridge.fleet.many import ManyProcesses
 from bridge.fleet.one import OneProcess, OneTask
+from bridge.fleet.own_thread import in_own_thread
 from bridge.fleet.preflight.ports import HOST
 from bridge.fleet.preflight.preflight import launchers_of
 from bridge.record.events import (
@@ -158,7 +159,7 @@ class Fleet:
 
     async def _fly(self) -> Ending:
         try:
-            await asyncio.to_thread(self._write_provenance)
+            await in_own_thread(self._write_provenance)
         except AutopilotError as error:
             raise FleetError(str(error)) from error
         self._write_run()
@@ -307,7 +308,7 @@ class Fleet:
             self._report.may_not_repeat(
                 f"{what} after {self.course.sim_time_ns / 1e9:.2f} s: its files may lack their end"
             )
-        await asyncio.to_thread(self._tell_changed_files)
+        await in_own_thread(self._tell_changed_files)
         self._report.close()
 
     # What the parts report (`bridge.fleet.tidings.Tidings`).

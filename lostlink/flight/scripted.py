@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Mapping
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
+from bridge.fleet.own_thread import begun
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import at_own_or_free_ports, at_own_ports
 from bridge.run.access import RUNS
@@ -141,15 +141,7 @@ def read_like(scenario: ScenarioLike, overrides: Mapping[str, Any]) -> Scenario:
 
 def _in_a_thread(flight: Flight, dirs: AutopilotDirs) -> dict[str, Any]:
     """Fly in a thread, which has no event loop yet and no signals; whatever ends the wait ends the flight first."""
-    outcome: Future[dict[str, Any]] = Future()
-
-    def work() -> None:
-        try:
-            outcome.set_result(flight.fly(dirs, takes_signals=False))
-        except BaseException as error:
-            outcome.set_exception(error)
-
-    threading.Thread(target=work, name=f"fly {flight.directory.path.name}").start()
+    outcome = begun(partial(flight.fly, dirs, takes_signals=False), f"fly {flight.directory.path.name}")
     try:
         return outcome.result()
     except BaseException:

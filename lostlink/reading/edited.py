@@ -19,7 +19,7 @@ OF_RADIOS: Final = ("radio", "networks", "antenna")
 def radio_files(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of what the scenario's radios name, and of what these name or import in their turn, by path."""
     named = Named()
-    named.in_place(list(_radios(scenario.model_dump(mode="json", by_alias=True))), Path())
+    named.in_place(list(_radios(scenario.model_dump(mode="json", by_alias=True))), [Path()])
     return {str(path): digest_if_readable(path) for path in sorted(named.files)}
 
 

@@ -39,7 +39,7 @@ from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.names import as_seen_from
 from bridge.record.provenance import git_commit
-from bridge.run.directory import RunDirectory
+from bridge.run.directory import LOG_FOLDER, RunDirectory
 from bridge.run.whole_file import whole_file
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
@@ -190,7 +190,7 @@ def fly_case(directory: Path) -> int:
             plan.keep == "failed" and not result["failure"] and result["metrics"]["passed"]
         ):
             _remove_link(directory)
-            shutil.rmtree(run, ignore_errors=True)
+            _remove(run, but_logs=bool(result["failure"]))
         write_whole(directory / RESULT_FILE, result)
         return 1 if result["failure"] else 0
 
@@ -234,6 +234,19 @@ def recorded(directory: Path) -> Path | None:
     """
     link = directory / RUN_FOLDER
     return link.resolve() if link.is_dir() else None
+
+
+def _remove(run: Path, *, but_logs: bool) -> None:
+    """Remove a run's directory; of one that failed the logs stay, which its failure names."""
+    if not but_logs:
+        shutil.rmtree(run, ignore_errors=True)
+        return
+    for part in run.iterdir():
+        if part.is_dir() and part.name != LOG_FOLDER:
+            shutil.rmtree(part, ignore_errors=True)
+        elif part.is_file():
+            with suppress(OSError):
+                part.unlink()
 
 
 def _remove_link(directory: Path) -> None:

@@ -16,7 +16,7 @@ CODE = (".py",)
 
 
 def with_absolute_files(root: Written, find: Find = str) -> Written:
-    """The scenario with absolute paths of radios, antennas, winds, airframes, own classes, tables and maps."""
+    """The scenario with absolute paths of radios, antennas, winds, airframes, own classes, tables, maps and options."""
     for path, leaf in list(root.leaves()):
         if path and isinstance(leaf.content, str) and (placed := _placer(path)):
             text = placed(leaf.content, leaf.place.folder)
@@ -47,9 +47,22 @@ def _placer(path: Path_) -> Callable[[str, Path], str] | None:
         return _in_a_preset(str(last))
     if len(path) == 3 and path[0] == "nodes" and last == "airframe":
         return _yaml_file
+    if "options" in _in_a_part_of_ones_own(path):
+        return _any_file if _names_a_file(str(last)) else None
     if len(path) == 3 and path[0] == "expectations" and last == "function":
         return _class
     return _class if len(path) == 4 and path[0] == "nodes" and path[2:] == ("agent", "class") else None
+
+
+def _in_a_part_of_ones_own(path: Path_) -> Path_:
+    """Of the path into an agent or an expectation, its first step in there."""
+    if path[:1] == ("nodes",) and path[2:3] == ("agent",):
+        return path[3:4]
+    return path[2:3] if path[:1] == ("expectations",) else ()
+
+
+def _names_a_file(key: str) -> bool:
+    return key == "file" or key.endswith("_file")
 
 
 def _in_a_preset(key: str) -> Callable[[str, Path], str] | None:
@@ -57,7 +70,7 @@ def _in_a_preset(key: str) -> Callable[[str, Path], str] | None:
         return _yaml_file
     if key == "class":
         return _class
-    return _any_file if key == "file" or key.endswith("_file") else None
+    return _any_file if _names_a_file(key) else None
 
 
 def file_seen_from(folder: Path, name: str) -> Path:

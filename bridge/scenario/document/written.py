@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 Path_ = tuple[str | int, ...]
@@ -139,9 +139,11 @@ def plain(written: Written) -> Any:
 
 
 def written_at(value: Any, place: WrittenPlace) -> Written:
-    """A plain value, all of it written at one place; what numpy has is as Python has it."""
+    """A plain value, all of it written at one place; what numpy has is as Python has it, and a path is its text."""
     if hasattr(value, "tolist"):
         value = value.tolist()
+    if isinstance(value, PurePath):
+        value = str(value)
     if isinstance(value, dict):
         return Written({str(key): written_at(part, place) for key, part in value.items()}, place)
     if isinstance(value, list | tuple):

@@ -25,6 +25,7 @@ Digest = Callable[[Path], str]
 TREES = (".yaml", ".yml")
 
 MODULE = re.compile(r"[^\W\d][\w.]*:[^\W\d]\w*")
+OPTIONS = "options"
 LAWS = "lostlink."
 """What groups of entry points begin with that give models of radios names."""
 
@@ -41,7 +42,7 @@ def named_code(scenario: Scenario) -> Code:
     airframes with their flight models. What ships goes by name and belongs to lostlink.
     """
     named = Named()
-    named.in_place(scenario.model_dump(mode="json", by_alias=True), Path())
+    named.in_place(scenario.model_dump(mode="json", by_alias=True), [Path()])
     return Code(tuple(sorted(named.files)), dict(sorted(named.packages.items())))
 
 
@@ -77,27 +78,32 @@ class Named:
         other._known = self._known
         return other
 
-    def in_place(self, tree: Any, folder: Path | None = None) -> Any:
+    def in_place(self, tree: Any, folders: Sequence[Path] = ()) -> Any:
         """A tree in which contents stand in place of each text that names a file: the same wherever the files lie.
 
         Args:
             tree: mappings and lists of texts and other values.
-            folder: what relative names are seen from; None: they name nothing.
+            folders: what relative names are seen from, the first in which there is such a file; in options of code
+                the folder of that comes before them.
         """
         if isinstance(tree, dict):
-            return {key: self.in_place(part, folder) for key, part in tree.items()}
+            of_options = (*_folder_of_code(tree), *folders)
+            return {
+                key: self.in_place(part, of_options if key == OPTIONS else folders)
+                for key, part in tree.items()
+            }
         if isinstance(tree, list):
-            return [self.in_place(part, folder) for part in tree]
-        return self._in_place(tree, folder) if isinstance(tree, str) else tree
+            return [self.in_place(part, folders) for part in tree]
+        return self._in_place(tree, folders) if isinstance(tree, str) else tree
 
-    def _in_place(self, text: str, folder: Path | None) -> Any:
+    def _in_place(self, text: str, folders: Sequence[Path]) -> Any:
         law = _laws().get(text, text)
         if MODULE.fullmatch(law) and not law.rpartition(":")[0].endswith(CODE):
             return [text, law, self._code(law.rpartition(":")[0])]
-        path = _file_of(text)
-        if folder is not None:
-            path = (folder / path).absolute()
-        if not path.is_absolute() or not _is_file(path):
+        said = _file_of(text)
+        places = (said, *((folder / said).absolute() for folder in folders))
+        path = next((place for place in places if place.is_absolute() and _is_file(place)), None)
+        if path is None:
             return text
         if path not in self._known:
             self._known[path] = _Found()  # of one that names itself
@@ -116,7 +122,7 @@ class Named:
         own, named = self._content([path]), []
         if path.suffix in TREES:
             tree = _tree(path)
-            named = [self.in_place(list(_texts(tree)), path.parent)]
+            named = [self.in_place(list(_texts(tree)), [path.parent])]
             if model := _flight_model(tree, path.parent):
                 files = _flight_model_files(model)
                 named += [[os.path.relpath(file, model) for file in files], self._content(files)]
@@ -159,6 +165,12 @@ def _file_of(text: str) -> Path:
     file, colon, _ = text.rpartition(":")
     path = Path(file) if colon and file.endswith(CODE) else Path(text)
     return path.expanduser() if text.startswith("~/") else path
+
+
+def _folder_of_code(part: Mapping[str, Any]) -> list[Path]:
+    """Where the file of an agent or a function lies; nothing of what is no such part, or of a module."""
+    texts = [text for key in ("class", "function") if isinstance(text := part.get(key), str)]
+    return [file.parent for file in map(_file_of, texts) if file.suffix == CODE]
 
 
 def _tree(path: Path) -> Any:

@@ -75,6 +75,26 @@ async def test_a_notebook_flies_from_its_event_loop_and_from_a_thread(
     assert first.summary["digest"] == second.summary["digest"]
 
 
+@pytest.mark.skipif(
+    (3, 12) <= sys.version_info < (3, 12, 3), reason="Python starts no thread then (gh-113964)"
+)
+@pytest.mark.parametrize("processes", ["one", pytest.param("many", marks=pytest.mark.slow)])
+def test_a_thread_flies_on_when_the_main_thread_has_ended(
+    tmp_path: Path, scenario: dict[str, Any], processes: str
+) -> None:
+    script = (
+        "import sys, threading, yaml\nfrom lostlink import fly\n"
+        "scenario = yaml.safe_load(sys.argv[1])\n"
+        "def work():\n    threading.main_thread().join()\n"
+        "    print(fly(scenario, duration_s=0.5, directory=sys.argv[2]).ending)\n"
+        "threading.Thread(target=work).start()\n"
+    )
+    content = yaml.safe_dump(scenario | {"processes": processes})
+    command = [sys.executable, "-c", script, content, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stdout) == (0, "duration\n"), done.stderr
+
+
 def test_mistakes_are_told_before_anything_starts(tmp_path: Path, scenario: dict[str, Any]) -> None:
     with pytest.raises(ScenarioError, match="no scenario of that name"):
         fly("nowhere", directory=tmp_path)

@@ -82,6 +82,22 @@ def test_another_content_of_a_file_is_another_run(folder: Path, name: str, more:
     assert left(folder) == 2
 
 
+@pytest.mark.parametrize("option", ["weights", "weights_file"])
+def test_another_content_of_a_file_in_options_of_an_agent_is_another_run(folder: Path, option: str) -> None:
+    weights = folder / "policy.npz"
+    weights.write_bytes(b"1")
+    (folder / "agent.py").write_text(
+        f"from lostlink import Agent\nclass Own(Agent):\n    def on_tick(self, now): self.options['{option}']\n"
+    )
+    text = (folder / "scenario.yaml").read_text()
+    own = 'class: "agent.py:Own"'
+    (folder / "scenario.yaml").write_text(text.replace(own, f"{own}, options: {{{option}: policy.npz}}"))
+    finish(folder)
+    assert left(folder) == 0
+    weights.write_bytes(b"2")
+    assert left(folder) == 2
+
+
 @needs_rasterio
 def test_another_terrain_is_another_run(folder: Path) -> None:
     hills = folder / "maps" / "hills.tif"

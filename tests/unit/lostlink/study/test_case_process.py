@@ -53,6 +53,20 @@ def test_a_run_that_failed_without_tables_says_why(tmp_path: Path) -> None:
     assert result["run"] == run.path.name
 
 
+def test_of_a_failed_run_that_is_not_kept_the_logs_stay(tmp_path: Path) -> None:
+    """What says why it failed names them."""
+    scenario = scenario_of("moon2020", ("0", "1"))
+    run = RunDirectory.create(tmp_path, scenario.name)
+    run.write(scenario, "tcp/127.0.0.1:1")
+    run.log_path("node-0").write_text("ValueError\n", encoding="utf-8")
+    (run.path / SUMMARY_FILE).write_text(json.dumps(SUMMARY), encoding="utf-8")
+    (tmp_path / RUN_FOLDER).symlink_to(run.path.name)
+    CasePlan(scenario.to_yaml(), (), "none").write(tmp_path)
+    assert fly_case(tmp_path) == 1
+    assert [path.name for path in run.path.rglob("*")] == ["logs", "node-0.log"]
+    assert not (tmp_path / RUN_FOLDER).is_symlink()
+
+
 def test_a_copy_in_the_place_of_the_link_is_the_run(tmp_path: Path) -> None:
     """Archives may follow links."""
     assert recorded(tmp_path) is None

@@ -81,6 +81,27 @@ def test_files_are_seen_from_whoever_names_them(folder: Path) -> None:
     assert wind_of(it).constant is not None
 
 
+def test_files_in_options_are_seen_from_whoever_names_them(folder: Path) -> None:
+    options = "options: {file: a.npz, deep: {weights_file: b.npz, name: c.npz}}"
+    (folder / "own.py").write_text(
+        "from lostlink import Agent\n"
+        "class Own(Agent):\n    reads = 'file', 'deep', 'other_file'\n"
+        "def fast(run, table_file): ...\n"
+    )
+    (folder / "bases" / "base.yaml").write_text(
+        BASE.replace("type: hold, altitude_m: 40", f"type: own, class: ../own.py:Own, {options}")
+    )
+    text = "expectations: [{type: function, function: own.py:fast, options: {table_file: t.csv}}]\n"
+    it = read_scenario(mine(folder, text), {"nodes.0.agent.options.other_file": "~/d.npz"})
+    deep = {"weights_file": str(folder / "bases" / "b.npz"), "name": "c.npz"}
+    assert it.ua[0].agent.options == {
+        "file": str(folder / "bases" / "a.npz"),
+        "deep": deep,
+        "other_file": str(Path("~/d.npz").expanduser()),
+    }
+    assert it.expectations[0].options == {"table_file": str(folder / "t.csv")}
+
+
 def test_a_shipped_scenario_and_a_chain_can_be_extended(folder: Path) -> None:
     (folder / "one.yaml").write_text("extends: separation\nname: one\nseed: 5\n")
     (folder / "two.yaml").write_text("extends: one.yaml\nname: two\n")

@@ -204,5 +204,11 @@ def test_files_of_a_setting_are_seen_from_its_own_folder(tmp_path: Path) -> None
     assert parse_scenario(TEXT, "small.yaml", overrides=[setting]).radio == str(tmp_path / "mine.yaml")
 
 
+def test_a_path_of_a_program_is_its_text(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("preset: disk\nmax_range_m: 12\n")
+    assert parse_scenario(TEXT, "small.yaml", overrides={"radio": file}).radio == str(file)
+
+
 def test_the_reserved_id_is_what_keys_have_for_everybody() -> None:
     assert RESERVED_ID == ALL
