@@ -53,14 +53,19 @@ class Path(NamedTuple):
     @property
     def ground_distance_m(self) -> FloatArray:
         """Horizontal distance between the antennas, m."""
-        drop = np.subtract(self.height_tx_m, self.height_rx_m)
-        return np.asarray(np.sqrt(np.maximum(np.square(self.distance_m) - np.square(drop), 0.0)))
+        return np.asarray(np.sqrt(np.maximum(np.square(self.distance_m) - np.square(self._rise_m), 0.0)))
 
     @property
     def elevation_deg(self) -> FloatArray:
         """Elevation angle of the higher end seen from the lower one, degrees in [0, 90]."""
-        rise = np.abs(np.subtract(self.height_tx_m, self.height_rx_m))
-        return np.degrees(np.arcsin(np.minimum(rise / self.distance_m, 1.0)))
+        return np.degrees(np.arcsin(np.minimum(np.abs(self._rise_m) / self.distance_m, 1.0)))
+
+    @property
+    def _rise_m(self) -> FloatArray:
+        """How much higher tx is than rx, m; by places where they are known: in a valley, heights end at the plane."""
+        if self.position_tx_ned_m is None or self.position_rx_ned_m is None:
+            return np.asarray(np.subtract(self.height_tx_m, self.height_rx_m))
+        return np.asarray(self.position_rx_ned_m[..., 2] - self.position_tx_ned_m[..., 2])
 
     @property
     def way_ned(self) -> FloatArray:

@@ -19,6 +19,7 @@ from bridge.scenario.resolve.radio import radio_of, radios_of
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from channel.variant import name_of
+from lostlink.plan.below_ground import below_ground
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.load import NodeLoad, OfferedLoad, offered_load, without_messages
@@ -163,6 +164,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *_warnings(load, radios),
             *missing,
             *beyond_validity(scenario, radios),
+            *below_ground(scenario, radios),
             *overflows(scenario),
             *rates_that_differ(scenario),
             *too_late(scenario),

@@ -155,3 +155,14 @@ def test_the_grid_is_made_once():
     terrain = Terrain(spacing_m=10.0, heights_m=((0.0, 10.0), (20.0, 30.0)))
     assert terrain._ground is terrain._ground
     assert Terrain.model_validate(terrain.model_dump()) == terrain
+
+
+def test_in_a_valley_below_the_origin_angles_and_distances_are_those_of_the_places():
+    """100 m apart and 100 m up are 45 degrees, wherever the origin is; K of a Rician law goes by them."""
+    radio = Radio(load_radio("perfect"))
+    for low_m in (5.0, -60.0):
+        path = radio.path(
+            position_tx_ned_m=(0.0, 0.0, -low_m), position_rx_ned_m=(100.0, 0.0, -low_m - 100.0)
+        )
+        assert float(path.elevation_deg) == pytest.approx(45.0)
+        assert float(path.ground_distance_m) == pytest.approx(100.0)

@@ -213,3 +213,55 @@ def test_an_interval_that_falls_is_a_mistake(key: str) -> None:
 
 def test_a_shipped_scenario_has_nothing_too_late() -> None:
     assert not [line for line in plan_of(read_scenario("separation")).warnings if "the run ends" in line]
+
+
+RIDGE = {"model": "terrain", "spacing_m": 1000.0, "heights_m": [[0.0] * 3, [60.0] * 3, [0.0] * 3]}
+
+
+@pytest.mark.parametrize(
+    ("law", "nodes", "told"),
+    [
+        (
+            RIDGE,
+            [BASE | {"place": {"north_m": 1000.0}}],
+            "below the ground of terrain: base by 58 m; antennas",
+        ),
+        (RIDGE, [BASE | {"place": {"north_m": 1000.0, "height_m": 62.0}}], ""),
+        (
+            RIDGE,
+            [BASE | {"place": None, "track": [{"sim_time_s": 0}, {"sim_time_s": 9, "north_m": 500.0}]}],
+            "base by 28 m; antennas",
+        ),
+        (
+            RIDGE,
+            [{"id": 1, "home": {"north_m": 100.0}} | STILL],
+            "below the ground of terrain: 1 by 6 m; antennas",
+        ),
+        (
+            RIDGE | {"heights_m": [[-30.0] * 3] * 2},
+            [],
+            "UA that begin above the ground of terrain: 0 by 30 m; is",
+        ),
+        (
+            {"model": "two-ray"},
+            [BASE | {"place": {"height_m": -20.0}}],
+            "the ground of two-ray: base by 20 m; antennas",
+        ),
+        (
+            RIDGE,
+            [EMITTER | {"place": {"north_m": 1000.0}}],
+            "below the ground of terrain: e by 58 m; antennas",
+        ),
+    ],
+)
+def test_nodes_below_the_ground_are_warned_of(
+    law: dict[str, Any], nodes: list[dict[str, Any]], told: str
+) -> None:
+    """Behind 0.1 m of ground, in place of the mast that was meant, there are tens of dB."""
+    nodes = [{"id": 0} | STILL, *({k: v for k, v in node.items() if v is not None} for node in nodes)]
+    lines = [
+        line for line in warnings(radio=RADIO | {"propagation": law}, nodes=nodes) if "ground of" in line
+    ]
+    assert len(lines) == bool(told)
+    for line in lines:
+        assert told in line
