@@ -1,4 +1,4 @@
-"""What programs of one's own import: fly a run, read one back, write agents, join a running simulation.
+"""What programs of one's own import: fly a run or a study, read one back, write agents, join a running simulation.
 
 Each name is imported when it is first used: an agent that needs `Agent` alone does not load what flies runs.
 """
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from lostlink.flight.scripted import RunResult, fly
     from lostlink.reading.run import NoRun, Run, load_run
     from lostlink.redecision.redecide import Redecision, redecide
+    from lostlink.study.lanes import DaskLanes, LocalLanes
+    from lostlink.study.model import StudyError
+    from lostlink.study.scripted import StudyResult, fly_study
 
 __all__ = [
     "Agent",
@@ -37,10 +40,12 @@ __all__ = [
     "CommandInterrupted",
     "CommandRefused",
     "CommandTimedOut",
+    "DaskLanes",
     "DataPackage",
     "DecodeError",
     "FleetError",
     "GeodeticPosition",
+    "LocalLanes",
     "Measurement",
     "NoRun",
     "Reception",
@@ -49,9 +54,12 @@ __all__ = [
     "RunOver",
     "RunResult",
     "ScenarioError",
+    "StudyError",
+    "StudyResult",
     "UaClient",
     "connect_ua",
     "fly",
+    "fly_study",
     "geodetic_from_ned",
     "load_run",
     "ned_from_geodetic",
@@ -65,10 +73,12 @@ _PLACES = {
     "CommandInterrupted": "bridge.agents.commands",
     "CommandRefused": "bridge.agents.commands",
     "CommandTimedOut": "bridge.agents.commands",
+    "DaskLanes": "lostlink.study.lanes",
     "DataPackage": "bridge.bus.messages.types",
     "DecodeError": "bridge.bus.messages.codec",
     "FleetError": "bridge.fleet.course",
     "GeodeticPosition": "fdm.model.geodesy",
+    "LocalLanes": "lostlink.study.lanes",
     "Measurement": "bridge.agents.measurements",
     "NoRun": "lostlink.reading.run",
     "Reception": "bridge.bus.reception",
@@ -77,9 +87,12 @@ _PLACES = {
     "RunOver": "bridge.agents.commands",
     "RunResult": "lostlink.flight.scripted",
     "ScenarioError": "bridge.scenario.file",
+    "StudyError": "lostlink.study.model",
+    "StudyResult": "lostlink.study.scripted",
     "UaClient": "bridge.agents.client",
     "connect_ua": "bridge.agents.beside",
     "fly": "lostlink.flight.scripted",
+    "fly_study": "lostlink.study.scripted",
     "geodetic_from_ned": "fdm.model.geodesy",
     "load_run": "lostlink.reading.run",
     "ned_from_geodetic": "fdm.model.geodesy",

@@ -6,47 +6,38 @@ python examples/learning/search.py
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from lostlink import LocalLanes, fly_study
+
 HERE = Path(__file__).parent
 AGENT = "nodes.1.agent.options"
 LEAST = {"share": 0.0, "gain_per_s": 0.05, "height_m": 5.0}
 MOST = {"share": 1.0, "gain_per_s": 1.0, "height_m": 40.0}
-SOME_FAILED = 1
 Vectors = npt.NDArray[np.float64]
 
 
-def flown(candidates: Vectors, seeds: int, out: Path, duration_s: float) -> pd.Series:
+def flown(candidates: Vectors, seeds: int, out: Path, duration_s: float, lanes: LocalLanes) -> pd.Series:
     """The mean score of each candidate over the seeds, of a run that failed 0; none is flown a second time."""
     cases = {
-        str(number): {f"{AGENT}.{name}": float(value) for name, value in zip(LEAST, each, strict=True)}
+        str(number): {f"{AGENT}.{name}": value for name, value in zip(LEAST, each, strict=True)}
         for number, each in enumerate(candidates)
     }
     study = {
         "schema": 1,
         "name": "search",
-        "scenario": str(HERE / "follow.yaml"),
+        "scenario": HERE / "follow.yaml",
         "seeds": {"first": 1, "count": seeds},
         "set": {"duration_s": duration_s},
         "cases": cases,
         "metrics": f"{HERE / 'follow.py'}:score",
         "keep": "failed",
     }
-    out.mkdir(parents=True, exist_ok=True)
-    file = out / "generation.yaml"
-    file.write_text(json.dumps(study))  # which is YAML, too
-    command = [sys.executable, "-m", "lostlink", "study", str(file), "--out", str(out)]
-    done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
-    if done.returncode not in (0, SOME_FAILED):
-        sys.exit(done.returncode)  # it has said why
-    table = pd.read_parquet(out / "search" / "metrics.parquet")
+    table = fly_study(study, directory=out, lanes=lanes).table
     return table.score.fillna(0.0).groupby(table.case.astype(int)).mean()
 
 
@@ -56,18 +47,19 @@ def search(generations: int, count: int, seeds: int, out: Path, duration_s: floa
     least, most = (np.array(list(bounds.values())) for bounds in (LEAST, MOST))
     mean, sigma = (least + most) / 2, (most - least) / 4
     best = mean
-    for generation in range(generations):
-        drawn = np.clip(rng.normal(mean, sigma, (count - 1, len(mean))), least, most)
-        candidates = np.vstack([best, drawn])  # the best so far costs nothing: its runs are done
-        scores = flown(candidates, seeds, out, duration_s)
-        elite = candidates[scores.nlargest(max(2, count // 4)).index]
-        best, mean, sigma = elite[0], elite.mean(axis=0), elite.std(axis=0) + 0.02 * (most - least)
-        print(
-            generation,
-            f"{scores.max():.3f}",
-            dict(zip(LEAST, best.round(3).tolist(), strict=True)),
-            flush=True,
-        )
+    with LocalLanes() as lanes:  # their processes stay from study to study
+        for generation in range(generations):
+            drawn = np.clip(rng.normal(mean, sigma, (count - 1, len(mean))), least, most)
+            candidates = np.vstack([best, drawn])  # the best so far costs nothing: its runs are done
+            scores = flown(candidates, seeds, out, duration_s, lanes)
+            elite = candidates[scores.nlargest(max(2, count // 4)).index]
+            best, mean, sigma = elite[0], elite.mean(axis=0), elite.std(axis=0) + 0.02 * (most - least)
+            print(
+                generation,
+                f"{scores.max():.3f}",
+                dict(zip(LEAST, best.round(3).tolist(), strict=True)),
+                flush=True,
+            )
     return best
 
 

@@ -16,6 +16,7 @@ from typing import Any, Protocol, Self
 
 from bridge.fleet.children.child import start_process
 from bridge.timeouts import NEWS_PERIOD_S
+from fdm.exchange.settings import core_count
 from lostlink.study.model import StudyError
 
 DASK_PATIENCE_S = 10
@@ -113,10 +114,14 @@ class _Flights:
 
 
 class LocalLanes:
-    """So many at a time on this machine, each in a process of its own that ends with this one."""
+    """So many at a time on this machine, each in a process of its own that ends with this one.
 
-    def __init__(self, lanes: int) -> None:
-        self._pool = ThreadPoolExecutor(lanes, thread_name_prefix="lane")
+    Args:
+        lanes: how many; one per core, at most 8, unless given.
+    """
+
+    def __init__(self, lanes: int | None = None) -> None:
+        self._pool = ThreadPoolExecutor(lanes or min(8, core_count()), thread_name_prefix="lane")
         self._flights = _Flights()
 
     def __enter__(self) -> Self:

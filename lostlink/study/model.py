@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError, field_validator
 
-from bridge.scenario.document.written import plain
+from bridge.scenario.document.written import Written, WrittenPlace, plain, written_at
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
@@ -158,15 +158,29 @@ def read_study(path: Path) -> StudyFile:
         StudyError: it cannot be read, or something in it is not allowed; a line per mistake.
     """
     try:
-        root = read_yaml(path.read_text(encoding="utf-8"), str(path), path.parent, "study")
-        content = plain(root)
+        return _study_of(read_yaml(path.read_text(encoding="utf-8"), str(path), path.parent, "study"))
     except ScenarioError as error:
         raise StudyError(str(error)) from error
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: cannot be read: {error}") from error
+
+
+def study_from(content: Mapping[str, Any]) -> StudyFile:
+    """The study that a program has as the content of such a file.
+
+    Files that it names are as seen from the working directory.
+
+    Raises:
+        StudyError: something in it is not allowed; a line per mistake.
+    """
+    return _study_of(written_at(dict(content), WrittenPlace("study", None, Path.cwd())))
+
+
+def _study_of(root: Written) -> StudyFile:
+    content = plain(root)
     for key in ("metrics", "figures"):
         if key in content:
-            content[key] = _functions(path, key, content[key])
+            content[key] = _functions(root.place, key, content[key])
     try:
         return StudyFile.model_validate(content)
     except ValidationError as error:
@@ -215,15 +229,15 @@ def _are_one_number(one: Any, other: Any) -> bool:
     )
 
 
-def _functions(path: Path, key: str, value: Any) -> list[dict[str, Any]]:
+def _functions(study: WrittenPlace, key: str, value: Any) -> list[dict[str, Any]]:
     functions = []
     for text in [value] if isinstance(value, str) else value if isinstance(value, list) else [value]:
         place, _, name = text.rpartition(":") if isinstance(text, str) else ("", "", "")
         is_file = place.endswith(CODE)
         if not name.isidentifier() or not (is_file or all(map(str.isidentifier, place.split(".")))):
             raise StudyError(
-                f"{path}: {key}: has to be FILE.py:FUNCTION or package.module:FUNCTION, one or a list of them "
+                f"{study.source}: {key}: has to be FILE.py:FUNCTION or package.module:FUNCTION, one or a list of them "
                 f"(got {text!r})"
             )
-        functions.append({"place": str(path.parent.resolve() / place) if is_file else place, "name": name})
+        functions.append({"place": str(study.folder.resolve() / place) if is_file else place, "name": name})
     return functions

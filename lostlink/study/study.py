@@ -23,7 +23,7 @@ from lostlink.study.cases import Case, cases_of
 from lostlink.study.earlier import earlier_results
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import link_column, load
-from lostlink.study.model import Function, StudyError, StudyFile, read_study
+from lostlink.study.model import Function, StudyError, read_study, study_from
 from lostlink.study.table import TABLE_FILE, write_table
 
 RUNS_FOLDER = "runs"
@@ -58,7 +58,7 @@ class Study:
     """A study and its directory.
 
     Args:
-        file: the study's file.
+        study: its file, or the content of such a file; what this names is seen from the working directory.
         out: where directories of studies are kept; this one's has the study's name.
         dirs: where real autopilots are, as far as that was said.
 
@@ -70,13 +70,15 @@ class Study:
         StudyError: the study cannot be flown.
     """
 
-    def __init__(self, file: Path, out: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
-        self.content: StudyFile = read_study(file)
-        self.cases = cases_of(self.content, file.parent.resolve())
+    def __init__(self, study: Path | Mapping[str, Any], out: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
+        self.content = study_from(study) if isinstance(study, Mapping) else read_study(study)
+        self.cases = cases_of(
+            self.content, (Path() if isinstance(study, Mapping) else study.parent).resolve()
+        )
         self.directory = (out / self.content.name).resolve()
         self._dirs = AutopilotDirs(*(said.resolve() if said else None for said in (dirs.ardupilot, dirs.px4)))
         if self.content.figures and find_spec("pandas") is None:
-            raise StudyError(f"{file}: figures: needs pandas: pip install 'lostlink[pandas]'")
+            raise StudyError(f"{self.content.name}: figures: needs pandas: pip install 'lostlink[pandas]'")
         for function in (*self.content.metrics, *self.content.figures):
             load(function)
 

@@ -15,11 +15,11 @@ from lostlink.study.model import StudyError
 TABLE_FILE = "metrics.parquet"
 
 
-def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Write rows in their order; columns in the order in which they first appear, empty where a row has none.
+def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Rows in their order; columns in the order in which they first appear, empty where a row has none.
 
     Raises:
-        StudyError: a column has values of several kinds, or the file cannot be written.
+        StudyError: a column has values of several kinds.
     """
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {}
@@ -31,16 +31,25 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             kinds = {type(value).__name__: value for value in values if value is not None}
             found = ", ".join(f"{kind} ({value!r})" for kind, value in kinds.items())
             raise StudyError(
-                f"column {name} has values of several kinds: {found}; no table was written{_before(path)}: a metric "
-                "has to give one kind in all runs"
+                f"column {name} has values of several kinds: {found}: a metric has to give one kind in all runs"
             ) from error
         except OverflowError as error:
-            raise StudyError(
-                f"column {name} has a whole number of more than 64 bits: {error}; no table was written{_before(path)}"
-            ) from error
+            raise StudyError(f"column {name} has a whole number of more than 64 bits: {error}") from error
+    return pa.table(columns)
+
+
+def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write the table of rows.
+
+    Raises:
+        StudyError: there is none (`table_of`), or the file cannot be written.
+    """
     try:
+        table = table_of(rows)
         with whole_file(path) as partial:
-            pq.write_table(pa.table(columns), partial, compression="zstd")
+            pq.write_table(table, partial, compression="zstd")
+    except StudyError as error:
+        raise StudyError(f"{error}; no table was written{_before(path)}") from error
     except OSError as error:  # of a full disk it names no file
         raise StudyError(f"{path}: {error}; no table was written{_before(path)}") from error
 

@@ -20,7 +20,6 @@ from rich.table import Table
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
-from fdm.exchange.settings import core_count
 from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
 from lostlink.cli.shown_table import print_table
@@ -30,6 +29,7 @@ from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DASK_PATIENCE_S, DaskLanes, Lanes, LocalLanes
 from lostlink.study.model import StudyError
+from lostlink.study.scripted import STUDIES
 from lostlink.study.settings import ALWAYS, BySetting, by_setting
 from lostlink.study.study import NOT_FLOWN, Standing, Study
 from lostlink.study.table import TABLE_FILE
@@ -40,9 +40,7 @@ COLUMNS_MAX, LINES_MAX, REASONS_MAX = 8, 40, 4
 
 @click.command(short_help="Fly many runs: seeds, settings, scenarios; one table at the end.")
 @click.argument("file", type=click.Path(path_type=Path, dir_okay=False, exists=True))
-@click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), default=Path("studies"), show_default=True
-)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=STUDIES, show_default=True)
 @click.option(
     "--lanes",
     type=click.IntRange(1, 64),
@@ -199,7 +197,7 @@ def _lanes(lanes: int | None, scheduler: str | None, console: Console) -> Lanes:
         count = cluster.workers
         console.print(f"workers there: {count or 'none yet; runs begin when one joins'}", soft_wrap=True)
         return cluster
-    return LocalLanes(lanes or min(8, core_count()))
+    return LocalLanes(lanes)
 
 
 def _tell_left(ours: Study, earlier: dict[str, str], console: Console) -> int:
