@@ -77,7 +77,7 @@ def test_text_and_pictures_follow_the_scheme(browser: Browser, file: Path) -> No
             assert abs(brightness(opened.colour(selector, name)) - paper) > 100, (scheme, selector)
 
 
-@pytest.mark.parametrize("width", [1100, 420])
+@pytest.mark.parametrize("width", [1100, 360])
 def test_nothing_is_wider_than_the_page(browser: Browser, file: Path, width: int) -> None:
     page = Opened(browser, file, "light", width).page
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import AircraftState
+from channel.link.radio import Radio
+from channel.presets import load_radio
 from lostlink.view.page.charts import (
     DARK,
     LIGHT,
@@ -96,9 +98,19 @@ def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
     ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
 )
 def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
-    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0)
+    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0, {})
     assert curve.shares_draws is are_shared
     assert curve.probability[0] > 0.9
+
+
+def test_the_models_curve_is_that_of_the_packets_that_are_sent() -> None:
+    scenario, radio = scenario_of("wifi-2.4", ("0", "1")), Radio(load_radio("wifi-2.4"))
+    model = Model(scenario)
+    nominal = model.curve(3000.0, {})
+    sent = model.curve(3000.0, {364: 9, 1536: 2})  # with the headers
+    expected = radio.probability_of_delivery(sent.distance_m, 300)
+    assert sent.probability == pytest.approx(expected)
+    assert (sent.probability < nominal.probability - 0.02).any()
 
 
 @pytest.mark.parametrize("nodes", [2, 50])
