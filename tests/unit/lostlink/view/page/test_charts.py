@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import AircraftState
+from bridge.record.tables.deliveries import FATES
 from channel.link.radio import Radio
 from channel.presets import load_radio
 from lostlink.view.page.charts import (
+    CAUSE_COLOURS,
     DARK,
     LIGHT,
     POINTS_MAX,
@@ -113,12 +115,19 @@ def test_the_models_curve_is_that_of_the_packets_that_are_sent() -> None:
     assert (sent.probability < nominal.probability - 0.02).any()
 
 
+def test_each_cause_has_a_colour_of_its_own() -> None:
+    lost = set(FATES) - {"delivered"}
+    assert lost <= set(CAUSE_COLOURS)
+    assert len(set(CAUSE_COLOURS.values())) == len(CAUSE_COLOURS)
+
+
 @pytest.mark.parametrize("nodes", [2, 50])
 def test_all_charts_are_json(nodes: int) -> None:
     share = np.full((nodes, nodes), 0.5)
     np.fill_diagonal(share, np.nan)
     chart = matrix_chart([str(node) for node in range(nodes)], share, LIGHT)
     assert len(chart["series"][0]["data"]) == nodes * (nodes - 1)
+    assert chart["yAxis"]["axisLabel"]["interval"] == (0 if nodes == 2 else 1)
     empty = DistanceBins(*(np.empty(0) for _ in range(3)))
     charts = (
         chart,
@@ -144,6 +153,8 @@ def test_the_fleet_in_words() -> None:
     )
     assert (ua["chosen"], ground["chosen"]) == (True, False)
     assert ground["mode"] == "-"
+    view.take(AircraftState(mode="GROUND"), "gcs")
+    assert fleet_rows(view)[1]["mode"] == "GROUND"  # nothing to arm
     view.logged.take("0", "gap_m", 0, 12.3456)
     assert [row["logged"] for row in agent_rows(view)] == [1, 0]
     assert [(row["cause"], row["packets"]) for row in loss_rows(view)] == [
