@@ -93,7 +93,7 @@ async def serve() -> None:
             view.take(decode(payload, cls))
 
     asyncio.get_running_loop().add_reader(ours.fileno(), take)
-    shown = Shown("fifty", view, lambda _: ModelCurve(np.empty(0), np.empty(0)))
+    shown = Shown("fifty", view, lambda *_: ModelCurve(np.empty(0), np.empty(0)))
     async with ViewServer(shown, Broadcast(PictureFrames(view), lambda _: None), ApiConfig()) as server:
         print(f"http://127.0.0.1:{server.port}/", flush=True)
         await asyncio.Event().wait()

@@ -28,7 +28,9 @@ SPREAD_SENT_MIN = 20
 """Bins with fewer packets say little of how far apart links are."""
 
 
-def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> tuple[Any, Any]:
+def model_curve(
+    bins: list[dict[str, Any]], radio: Radio, farthest_m: float, payload_bytes: int | None = None
+) -> tuple[Any, Any]:
     """The model by distance; where a distance alone says too little, what it predicted for the packets of each bin.
 
     It says too little where the law asks for places, and where emitters or interferers stand somewhere.
@@ -37,6 +39,7 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
         bins: as `summary.json` has them; of those without a prediction there is no point.
         radio: of all nodes; it knows the emitters that it hears.
         farthest_m: where the curve ends.
+        payload_bytes: of the packets; None: the radio's nominal one.
 
     Returns:
         Distances in m and probabilities of delivery, of one length.
@@ -44,7 +47,7 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
     distance_m = np.linspace(1.0, farthest_m, CURVE_POINTS)
     with suppress(OutsideValidityError, OwnModelError):
         if radio.is_by_distance:
-            return distance_m, radio.probability_of_delivery(distance_m)
+            return distance_m, radio.probability_of_delivery(distance_m, payload_bytes)
     sums: dict[float, tuple[float, int]] = {}
     for row in bins:
         if row["predicted"] is not None:
@@ -54,7 +57,9 @@ def model_curve(bins: list[dict[str, Any]], radio: Radio, farthest_m: float) -> 
     return [middle for middle, _ in points], [predicted for _, predicted in points]
 
 
-def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, path: Path) -> None:
+def draw_probability_of_delivery(
+    summary: dict[str, Any], radio: Radio | None, path: Path, payload_bytes: int | None = None
+) -> None:
     """Measured probability of delivery over the model's curve, if all nodes have one radio; as Moon et al., Fig. 6."""
     from matplotlib.figure import Figure  # without pyplot, whose backend belongs to whoever calls us
 
@@ -62,7 +67,7 @@ def draw_probability_of_delivery(summary: dict[str, Any], radio: Radio | None, p
     axes = figure.subplots()
     farthest_m = max((row["distance_max_m"] for row in summary["bins"]), default=100.0)
     if radio is not None:
-        distance_m, closed = model_curve(summary["bins"], radio, farthest_m)
+        distance_m, closed = model_curve(summary["bins"], radio, farthest_m, payload_bytes)
         axes.plot(distance_m, closed, color="0.3", label="model", zorder=1)
     draw_measured(axes, summary["bins"])
     axes.set(xlabel="distance, m", ylabel="probability of delivery", ylim=(-0.03, 1.03), xlim=(0, farthest_m))

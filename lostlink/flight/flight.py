@@ -35,6 +35,7 @@ from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
 from lostlink.flight.signals import ending_signals, heed_signals, leave_terminal
 from lostlink.flight.summary import TickWatch, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
+from lostlink.reading.lengths import recorded_payload_bytes
 
 
 class Watcher(Protocol):
@@ -295,11 +296,9 @@ class Flight:
         write_summary(summary, self.directory)
         if self.scenario.figure and summary["bins"] and ending not in UNJUDGED:
             self._begin("draws the figure")
-            draw_probability_of_delivery(
-                summary,
-                common_radio(self.scenario, emitters_of(self.scenario)),
-                self.directory.path / FIGURE_FILE,
-            )
+            radio, path = common_radio(self.scenario, emitters_of(self.scenario)), self.directory.path
+            payload_bytes = None if radio is None else recorded_payload_bytes(path, self.scenario, radio)
+            draw_probability_of_delivery(summary, radio, path / FIGURE_FILE, payload_bytes)
         if self.scenario.mcap.write:
             self._begin("writes run.mcap")
             self._write_mcap()

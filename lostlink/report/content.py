@@ -24,6 +24,7 @@ from lostlink.compare.summary import mistakes_in_summary
 from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
 from lostlink.reading.air.capacity import Capacity
+from lostlink.reading.lengths import median_payload_bytes, packets_by_length
 from lostlink.reading.positions import places_of, separation_m
 from lostlink.reading.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.rows import DeliveryRows
@@ -93,7 +94,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     ways = ways_of(run.path, run.scenario.transceiver_ids)
     found |= {"routes": routes_of(rows, ways), "routing": routing_counts(run.path)}
     bins = run.summary.get("bins") or _bins_of_table(run.scenario, rows)
-    found |= {"bins": bins, "model": _model(run.scenario, bins)}
+    found |= {"bins": bins, "model": _model(run.scenario, bins, rows)}
     tell("reads the true states")
     found |= tracks_of(run) | {"separation_min_m": least_separation_m(run)}
     result: Content = plain(found | _host(run, rows) | _judgements(run))
@@ -160,8 +161,11 @@ def radio_name(scenario: Scenario) -> str:
     return f"{name}; node {', '.join(own)} with its own" if own else name
 
 
-def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
-    """The model's curve over distance, if all nodes have one radio and it can be had here; else None."""
+def _model(scenario: Scenario, bins: list[dict[str, Any]], rows: DeliveryRows) -> Content | None:
+    """The model's curve over distance, if all nodes have one radio and it can be had here; else None.
+
+    It is that of packets as long as the median of rows.
+    """
     if not bins:
         return None
     farthest_m = max(row["distance_max_m"] for row in bins)
@@ -169,7 +173,8 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]]) -> Content | None:
         radio = common_radio(scenario, emitters_of(scenario))
         if radio is None:
             return None
-        distance_m, probability = model_curve(bins, radio, farthest_m)
+        payload_bytes = median_payload_bytes(radio, packets_by_length(rows))
+        distance_m, probability = model_curve(bins, radio, farthest_m, payload_bytes)
         return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}
     return None
 

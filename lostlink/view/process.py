@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from time import monotonic
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
@@ -22,6 +23,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.flight import origin_of
 from bridge.timeouts import START_S
+from lostlink.reading.lengths import median_payload_bytes
 from lostlink.replay.player import Player
 from lostlink.view.background import Background
 from lostlink.view.broadcast import Broadcast
@@ -35,6 +37,9 @@ from lostlink.view.sources.onboard import Onboards
 from lostlink.view.sources.operator import Operator
 from lostlink.view.sources.record import RecordSource
 from lostlink.view.sources.routes import RoutesOfRun
+
+if TYPE_CHECKING:
+    from channel.link.radio import Radio
 
 MODEL_STEP_M = 200.0
 """The model's curve is made anew when the fleet spreads by so much."""
@@ -204,27 +209,36 @@ class Model:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._farthest_m = 0.0
+        self._payload_bytes: int | None = None
         self._curve = ModelCurve(np.empty(0), np.empty(0))
 
-    def curve(self, farthest_m: float) -> ModelCurve:
-        """The curve up to a distance at least."""
-        if farthest_m > self._farthest_m:
-            self._farthest_m = MODEL_STEP_M * (farthest_m // MODEL_STEP_M + 1)
+    @cached_property
+    def _radio(self) -> Radio | None:
+        # scipy takes its time, and few look at this chart
+        from bridge.scenario.resolve.radio import common_radio
+        from bridge.scenario.resolve.sensing import emitters_of
+
+        return common_radio(self._scenario, emitters_of(self._scenario))
+
+    def curve(self, farthest_m: float, packets: Mapping[int, int]) -> ModelCurve:
+        """The curve up to a distance at least, for the median length of packets that are counted by length."""
+        payload_bytes = None if self._radio is None else median_payload_bytes(self._radio, packets)
+        if farthest_m > self._farthest_m or payload_bytes != self._payload_bytes:
+            self._farthest_m = max(self._farthest_m, MODEL_STEP_M * (farthest_m // MODEL_STEP_M + 1))
+            self._payload_bytes = payload_bytes
             self._curve = self._make()
         return self._curve
 
     def _make(self) -> ModelCurve:
-        # scipy takes its time, and few look at this chart
         from bridge.scenario.resolve.channel import draws_are_shared
-        from bridge.scenario.resolve.radio import common_radio
-        from bridge.scenario.resolve.sensing import emitters_of
         from channel.own_methods import OwnModelError
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
-        radio = common_radio(self._scenario, emitters_of(self._scenario))
+        radio = self._radio
         shared = draws_are_shared(self._scenario)
         if radio is not None and radio.is_by_distance:
             with suppress(OutsideValidityError, OwnModelError):
-                return ModelCurve(distance_m, radio.probability_of_delivery(distance_m), shared)
+                probability = radio.probability_of_delivery(distance_m, self._payload_bytes)
+                return ModelCurve(distance_m, probability, shared)
         return ModelCurve(np.empty(0), np.empty(0), shared)

@@ -14,6 +14,8 @@ from lostlink.view.picture.air_history import AirSeries
 from lostlink.view.picture.link_history import DistanceBins, LinkSeries
 
 POINTS_MAX = 400
+LABELS_MAX = 25
+"""Of an axis of nodes: of more only each second, third and so on has its name."""
 Options = dict[str, Any]
 SERIES_COLOURS = ("#2b7bba", "#d95f02", "#5a9e6f", "#8e6bbf", "#b5893a", "#c2497c")
 CAUSE_COLOURS = {
@@ -37,6 +39,9 @@ CAUSE_COLOURS = {
     "run_ended": "#bdbdbd",
     "no_route": "#ff7f00",
     "hop_limit": "#fdbf6f",
+    "interfered": "#e7298a",
+    "transport": "#1b9e77",
+    "too_long": "#66a61e",
 }
 
 
@@ -214,7 +219,7 @@ def matrix_chart(nodes: list[str], share: NDArray[Any], look: Look) -> Options:
     names = {
         "type": "category",
         "data": nodes,
-        "axisLabel": {"color": look.ink},
+        "axisLabel": {"color": look.ink, "interval": -(-len(nodes) // LABELS_MAX) - 1},
         "splitArea": {"show": False},
     }
     options |= {
@@ -267,7 +272,7 @@ def frame(look: Look, *, legend: bool = True) -> Options:
         "backgroundColor": "transparent",
         "textStyle": {"color": look.ink},
         "tooltip": {"trigger": "item"},
-        "legend": {"show": legend, "top": 0, "textStyle": {"color": look.ink}},
+        "legend": {"show": legend, "type": "scroll", "top": 0, "textStyle": {"color": look.ink}},
     }
 
 

@@ -18,11 +18,12 @@ MODES = ("GUIDED", "LOITER", "RTL", "LAND", "AUTO", "ALT_HOLD", "STABILIZE", "CI
 """What is offered; any other name can be typed."""
 RADIO_OFF, RADIO_ON = "Radio off", "Radio on"
 TAKE_OFF_M = 20.0
-AIM = "click a place on the map, or pan its middle there and press Enter; Escape leaves it"
+EFFECT = "It takes effect at the next tick and is recorded as an input of the run"
 WARNING = (
-    "It takes effect at the next tick, is recorded as an input of the run, and interrupts what the node's agent does: "
-    "those that ship yield, one of your own may end the run."
+    f"{EFFECT}, and interrupts what the node's agent does: those that ship yield, your own may end the run."
 )
+OF_RADIO = f"{EFFECT}. The node's agent goes on and is not told."
+AIM = "click a place on the map, or pan its middle there and press Enter; Escape leaves it"
 
 
 class ViewControls:
@@ -137,14 +138,15 @@ class ViewControls:
         node = self._view.nodes[self._node.value]
         agent = self._view.news[node.id].agent
         control = f"Its agent: {agent.activity}." if agent is not None and agent.activity else ""
-        if await _is_confirmed(f"{what} for {node.title}?", control):
+        effect = OF_RADIO if verb == RADIO else WARNING
+        if await _is_confirmed(f"{what} for {node.title}?", f"{control} {effect}".strip()):
             self._operator.command(node.id, verb, goal)
 
 
-async def _is_confirmed(question: str, control: str) -> bool:
+async def _is_confirmed(question: str, words: str) -> bool:
     with ui.dialog().props('aria-label="Confirm"') as dialog, ui.card():
         ui.label(question)
-        ui.label(f"{control} {WARNING}".strip()).classes("ll-words")
+        ui.label(words).classes("ll-words")
         with ui.row():
             ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat autofocus")
             ui.button("Do it", on_click=lambda: dialog.submit(True)).props("no-caps")

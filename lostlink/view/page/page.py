@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +86,7 @@ class Shown:
     Attributes:
         name: of the run.
         view: the picture, which somebody else feeds.
-        model: makes the model's curve up to a distance.
+        model: makes the model's curve up to a distance, for packets that are counted by length.
         time_control: None if time cannot be changed.
         operator: who commands; None: nobody may.
         frames: of the fleet; None: where it is on the earth is not known.
@@ -96,7 +96,7 @@ class Shown:
 
     name: str
     view: FleetView
-    model: Callable[[float], ModelCurve]
+    model: Callable[[float, Mapping[int, int]], ModelCurve]
     time_control: TimeControl | None = None
     operator: Operator | None = None
     frames: Frames | None = None
@@ -337,7 +337,8 @@ class Page:
             case "Delivery":
                 bins = view.links.by_distance()
                 farthest_m = float(bins.distance_m.max()) + 40.0 if bins.distance_m.size else 100.0
-                set_options(self._delivery, delivery_chart(bins, self._shown.model(farthest_m), self._look))
+                model = self._shown.model(farthest_m, view.losses.lengths)
+                set_options(self._delivery, delivery_chart(bins, model, self._look))
             case "Losses":
                 set_options(self._losses, losses_chart(*view.losses.over_time(), self._look))
             case "Air":

@@ -2,7 +2,7 @@
 import { Marks } from "lostlink-marks";
 import { Plan } from "lostlink-plan";
 
-const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRY_AGAIN_LATER = 1013, TRAIL_POINTS = 240, STEPS = 11;
+const UNKNOWN = -(2 ** 31), FLASH_MS = 900, FADES = 4, MANY = 12, TRY_AGAIN_LATER = 1013, SILENT_MS = 3000, TRAIL_POINTS = 240, STEPS = 11;
 const nice = (x) => { const p = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * p >= x) * p; };
 
 export default {
@@ -24,6 +24,7 @@ export default {
     this.beat = setInterval(() => {
       this.$emit("beat", { drawn: this.drawn, frames: this.frames });
       this.drawn = this.frames = 0;
+      this.listenFor(performance.now());
     }, 1000);
   },
   unmounted() {
@@ -36,9 +37,15 @@ export default {
       this.socket = new WebSocket(`${scheme}://${location.host}${this.url}`);
       this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
       this.socket.onclose = (event) => {
-        this.notice = event.code === TRY_AGAIN_LATER ? event.reason : ""; this.dirty = true;
+        if (event.code === TRY_AGAIN_LATER) { this.notice = event.reason; this.came = undefined; }
+        this.dirty = true;
         if (!this.gone) this.again = setTimeout(() => this.connect(), 1000);
       };
+    },
+    listenFor(at) { // frames come ten times a second, also while sim time stands still
+      const silent = at - (this.came ?? at);
+      if (silent < SILENT_MS) return;
+      this.notice = `nothing has come from the view for ${Math.round(silent / 1000)} s: what is seen is old`; this.dirty = true;
     },
     take(frame) {
       this.notice = "";
@@ -137,6 +144,7 @@ export default {
         else if (isClick) this.pickAt(e.offsetX, e.offsetY);
         this.drag = null;
       });
+      canvas.addEventListener("pointercancel", () => { this.drag = null; });
       canvas.addEventListener("contextmenu", (e) => e.preventDefault());
     },
     pick(number) { this.select(number); this.$emit("pick", number); },

@@ -24,12 +24,12 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
   body.body--dark .bg-primary {{ color:var(--ll-ground) !important; }}
   .q-btn:focus-visible, .q-checkbox:focus-visible {{ outline:2px solid var(--ll-accent) !important; }}
 }}
-.nicegui-content {{ padding:0; gap:0; }}
+.nicegui-content {{ padding:0; gap:0; height:100vh; flex-wrap:nowrap; }}
 .ll-bar {{ background:var(--ll-bar); color:#fff; padding:6px 14px; gap:16px; align-items:center; flex-wrap:wrap; }}
 .ll-bar h1 {{ font-size:1rem; line-height:1.4; margin:0; font-weight:600; }}
 .ll-time {{ font-variant-numeric:tabular-nums; }}
 .ll-main {{ display:grid; grid-template-columns:minmax(0,3fr) minmax(0,2fr); gap:8px; padding:8px; width:100%;
-  height:calc(100vh - 46px); min-height:520px; }}
+  flex:1; min-height:520px; }}
 .ll-panel {{ background:var(--ll-panel); border:1px solid var(--ll-line); border-radius:6px; display:flex;
   flex-direction:column; min-height:0; min-width:0; overflow:hidden; }}
 .ll-tools {{ display:flex; flex-wrap:wrap; gap:4px 10px; padding:6px 10px; align-items:center;
@@ -60,5 +60,6 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-emergency, .ll-alert, .ll-critical, .ll-error {{ color:var(--ll-loss); font-weight:600; }}
 .ll-warning {{ font-weight:600; }}
 *:focus-visible, .q-field--focused {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
-@media (max-width: 900px) {{ .ll-main {{ grid-template-columns:1fr; height:auto; }} .ll-scene {{ min-height:420px; }} }}
+@media (max-width: 900px) {{ .nicegui-content {{ height:auto; }}
+  .ll-main {{ grid-template-columns:1fr; }} .ll-scene {{ min-height:420px; }} }}
 """

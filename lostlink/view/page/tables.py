@@ -9,7 +9,7 @@ import numpy as np
 
 from bridge.bus.messages import AircraftState
 from lostlink.flight.say import factor_text
-from lostlink.view.picture.fleet_view import FleetView
+from lostlink.view.picture.fleet_view import FleetView, NodeInfo
 
 Rows = list[dict[str, Any]]
 
@@ -79,7 +79,7 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "id": number,
                 "node": node.title,
                 "chosen": number == chosen,
-                "mode": _mode_words(state, is_off=number in view.radios_off),
+                "mode": _mode_words(node, state, is_off=number in view.radios_off),
                 "north": _number(north),
                 "east": _number(east),
                 "height": _number(-down),
@@ -92,8 +92,9 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
     return rows
 
 
-def _mode_words(state: AircraftState | None, *, is_off: bool) -> str:
-    words = [] if state is None else [state.mode, "" if state.armed else "disarmed"]
+def _mode_words(node: NodeInfo, state: AircraftState | None, *, is_off: bool) -> str:
+    is_disarmed = node.kind == "ua" and state is not None and not state.armed
+    words = [] if state is None else [state.mode, "disarmed" if is_disarmed else ""]
     words += ["radio off"] if is_off else []
     return ", ".join(filter(None, words)) or "-"  # before its first heartbeat an autopilot has no mode
 

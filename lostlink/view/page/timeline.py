@@ -25,7 +25,7 @@ class Timeline:
 
     def __init__(self, view: FleetView, time_control: TimeControl | None) -> None:
         self._view, self._time_control = view, time_control
-        self._is_dragged = self._is_followed = False
+        self._is_followed = False
         self._speed = view.clock.speed
         with ui.element("div").classes("ll-tools").props('role="group" aria-label="Time"'):
             if time_control is not None:
@@ -40,15 +40,13 @@ class Timeline:
             bar = ui.element("progress").props(f'max={longest_s} value=0 aria-label="Sim time in seconds"')
             return bar.classes("ll-place")
         slider = ui.element("input").classes("ll-place")
-        slider.props(
-            f'type=range min=0 max={longest_s} step={STEP_S} value=0 aria-label="Sim time in seconds"'
-        )
-        slider.on("input", self._dragged, js_handler="() => emit()")
-        for end in ("pointerup", "pointercancel"):  # where it was taken from there is no change
-            slider.on(end, self._released, js_handler="() => emit()")
+        slider.props(f'type=range min=0 max={longest_s} step={STEP_S} aria-label="Sim time in seconds"')
+        slider.on("pointerdown", js_handler="(event) => { event.target.isHeld = true; }")
+        for end in ("pointerup", "pointercancel"):
+            slider.on(end, js_handler="(event) => { event.target.isHeld = false; }")
         slider.on(
             "change",
-            lambda event: self._seek(time_control, float(event.args)),
+            lambda event: time_control.seek(float(event.args)),
             js_handler="(event) => emit(Number(event.target.value))",
         )
         return slider
@@ -73,22 +71,19 @@ class Timeline:
         self._speeds.props('dense options-dense borderless aria-label="Speed"')
         self._controls = (self._toggle, step, self._speeds)
 
-    def _dragged(self) -> None:
-        self._is_dragged = True
-
-    def _released(self) -> None:
-        self._is_dragged = False
-
-    def _seek(self, time_control: TimeControl, sim_time_s: float) -> None:
-        self._is_dragged = False
-        time_control.seek(sim_time_s)
+    def _move(self, seconds: float) -> None:
+        """Show a place, unless somebody holds the slider: as a property it would be put back with all that is shown."""
+        if self._time_control is not None and self._time_control.can_seek:
+            slider = f"getHtmlElement({self._place.id})"
+            self._place.client.run_javascript(f"if (!{slider}.isHeld) {slider}.value = {seconds}")
+        else:
+            self._place.props["value"] = seconds
+            self._place.update()
 
     def refresh(self) -> None:
         """Show how far it is."""
         seconds = self._view.sim_time_ns / 1e9
-        if not self._is_dragged:
-            self._place.props["value"] = round(seconds, 2)
-            self._place.update()
+        self._move(round(seconds, 2))
         self._words.set_text(place_words(self._view))
         if self._time_control is not None:
             self._toggle.set_text("Go on" if self._view.clock.paused else "Pause")

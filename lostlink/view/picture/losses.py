@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Fates
+from bridge.scenario.nodes import MAIN
 
 SPAN_NS = 1_000_000_000
 """Of one count over time, at first; it doubles when there are too many."""
@@ -30,6 +31,8 @@ class Losses:
         """[rx, tx]: of the latest packet that arrived, since its stamp; 0 if none did, or nothing takes time."""
         self.total: Counter[str] = Counter()
         """Packets by fate, since somebody looks."""
+        self.lengths: Counter[int] = Counter()
+        """Those on `main` by length, bytes."""
         self.since_s: float | None = None
         self._nodes = nodes
         self._span_ns = SPAN_NS
@@ -56,8 +59,16 @@ class Losses:
         self._spans.setdefault(now_ns // self._span_ns, Counter()).update(found)
         if len(self._spans) > SPANS_MAX:
             self._widen()
+        self._count_lengths(fates)
         lost = np.flatnonzero(fate != DELIVERED)
         self._fresh.update(zip(tx[lost].tolist(), rx[lost].tolist(), strict=True))
+
+    def _count_lengths(self, fates: Fates) -> None:
+        length_bytes = np.asarray(fates.length_bytes)
+        if MAIN in fates.network and len(fates.radio) == len(length_bytes):  # old records do not say
+            length_bytes = length_bytes[np.asarray(fates.radio) == fates.network.index(MAIN)]
+        lengths, counts = np.unique(length_bytes, return_counts=True)
+        self.lengths.update(dict(zip(lengths.tolist(), counts.tolist(), strict=True)))
 
     def _widen(self) -> None:
         self._span_ns *= 2

@@ -82,6 +82,7 @@ def test_a_record_is_seen_as_it_was(browser: Browser, record: Path) -> None:
         page.keyboard.press("m")
         assert seen.words()["elevation"] == pytest.approx(math.pi / 2)
         assert page.get_by_role("button", name="Return to launch").count() == 0
+        assert page.evaluate("document.documentElement.scrollHeight") == 860  # all of it is in sight
         header = page.get_by_role("columnheader", name="heard by")
         panel = page.get_by_role("region", name="Details")
         assert right_of(header) <= right_of(panel)
@@ -96,6 +97,18 @@ def test_a_record_is_seen_as_it_was(browser: Browser, record: Path) -> None:
         assert page.evaluate(feet)
         assert seen.hosts == {"127.0.0.1"}
         assert not seen.errors
+
+
+@pytest.mark.slow
+def test_a_map_says_that_nothing_comes_any_more(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        seen.wait("a picture", lambda: seen.words()["time"] is not None)
+        scene = f"getElement({(seen.canvas.get_attribute('id') or '')[1:]})"
+        seen.page.evaluate(f"{scene}.socket.onmessage = null")
+        seen.wait("a word", lambda: "what is seen is old" in seen.words()["notice"])
+        seen.page.evaluate(f"{scene}.socket.close()")  # it connects anew
+        seen.wait("the map", lambda: not seen.words()["notice"])
 
 
 def right_of(place: Locator) -> float:
@@ -171,6 +184,25 @@ def test_two_pages_show_the_same_speed(browser: Browser, record: Path) -> None:
             for each in pages:
                 expect(each.get_by_role("group", name="Time").locator(".q-select")).to_contain_text(speed)
                 expect(each.get_by_role("status")).to_have_text(f"record, played {speed}")
+
+
+@pytest.mark.slow
+def test_a_slider_that_is_held_stays_until_it_is_let_go(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        page, slider = seen.page, seen.page.get_by_role("slider", name="Sim time")
+        box = slider.bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] * 0.9, box["y"] + box["height"] / 2)
+        there_s, told = float(slider.input_value()), page.get_by_text("s of sim time")
+        for _ in range(2):  # twice it is told how far the record is meanwhile
+            before = told.inner_text()
+            expect(told).not_to_have_text(before)
+        assert float(slider.input_value()) == there_s
+        page.mouse.up()
+        seen.wait("it is there", lambda: seen.words()["time"] >= there_s)
 
 
 @pytest.mark.slow
@@ -409,6 +441,7 @@ def test_a_command_is_asked_about_given_and_recorded(browser: Browser, start_run
     expect(radio).to_have_count(0)
     page.get_by_role("button", name="Radio off").click()
     expect(page.get_by_role("dialog")).to_contain_text("Radio off for UA 0?")
+    expect(page.get_by_role("dialog")).to_contain_text("goes on and is not told")
     page.get_by_role("button", name="Do it").click()
     expect(said).to_contain_text("UA 0: radio: done (radio off)")
     expect(radio).to_be_visible()

@@ -94,6 +94,14 @@ def test_beside_an_interferer_the_model_is_what_it_predicted_for_the_packets_of_
     assert predicted == pytest.approx([(10 * 0.0 + 30 * 0.5) / 40, (20 * 0.25 + 40 * 0.75) / 60])
 
 
+def test_the_model_is_that_of_the_runs_packets(drawn: list[Figure], tmp_path: Path) -> None:
+    radio = Radio(load_radio("corrected"))
+    draw_probability_of_delivery(summary_of(2), radio, tmp_path / "figure.png", 328)
+    (axes,) = drawn[0].axes
+    curve = next(line for line in axes.get_lines() if line.get_label() == "model")
+    assert curve.get_ydata() == pytest.approx(radio.probability_of_delivery(curve.get_xdata(), 328))
+
+
 @pytest.mark.parametrize(
     ("radio", "named"),
     [

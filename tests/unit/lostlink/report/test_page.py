@@ -12,16 +12,20 @@ import pytest
 from matplotlib.figure import Figure
 
 from bridge.record.events import Report
+from bridge.record.tables.deliveries import no_deliveries
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
+from channel.link.radio import Radio
+from channel.presets import load_radio
 from lostlink.flight.figure import CURVE_POINTS, draw_measured
 from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import load_run
 from lostlink.report.content import KINDS, _model, content_of
 from lostlink.report.page.page import LINKS_MAX, page_of
 from lostlink.report.page.words import NOTHING
 from lostlink.report.pictures.all import draw_all
 from lostlink.report.pictures.radio import draw_ages, told_of_delivery
-from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
+from tests.unit.lostlink.replay.flown import Sent, everybody, flown, scenario_of
 
 PICTURES = {"map", "heights", "delivery", "powers", "matrix", "losses", "air_use", "age_matrix", "ages"}
 VOID = {"meta", "br", "link", "img", "hr", "input"}
@@ -325,12 +329,22 @@ def test_the_ages_of_one_period_are_drawn(tmp_path: Path) -> None:
 
 def test_beside_an_emitter_that_is_heard_the_curve_is_what_was_predicted() -> None:
     bins = [{"distance_min_m": 40.0, "distance_max_m": 60.0, "sent": 4, "predicted": 0.25}]
-    alone = _model(scenario_of("sik-433", ("0", "1")), bins)
-    beside = _model(scenario_of("sik-433", ("0", "1"), emitters=("jam",)), bins)
+    nothing = DeliveryRows(("0", "1"), no_deliveries(("length_bytes", "radio", "packets")))
+    alone = _model(scenario_of("sik-433", ("0", "1")), bins, nothing)
+    beside = _model(scenario_of("sik-433", ("0", "1"), emitters=("jam",)), bins, nothing)
     assert alone is not None
     assert len(alone["distance_m"]) == CURVE_POINTS
     assert beside is not None
     assert (beside["distance_m"].tolist(), beside["probability_of_delivery"].tolist()) == ([50.0], [0.25])
+
+
+def test_the_curve_is_that_of_the_packets_that_were_sent(tmp_path: Path) -> None:
+    nodes = ("0", "1")
+    run = flown(tmp_path / "run", scenario_of("corrected", nodes), 20, everybody(nodes, 328))
+    model, radio = content_of(load_run(run))["model"], Radio(load_radio("corrected"))
+    expected = radio.probability_of_delivery(model["distance_m"], 328)
+    assert model["probability_of_delivery"] == pytest.approx(expected, abs=1e-3)
+    assert expected[-1] < radio.probability_of_delivery(model["distance_m"][-1]) - 0.003
 
 
 def test_places_that_are_no_numbers_are_dashes(content: dict[str, Any], pictures: dict[str, str]) -> None:

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import AircraftState
+from bridge.record.tables.deliveries import FATES
+from channel.link.radio import Radio
+from channel.presets import load_radio
 from lostlink.view.page.charts import (
+    CAUSE_COLOURS,
     DARK,
     LIGHT,
     POINTS_MAX,
@@ -96,9 +100,25 @@ def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
     ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
 )
 def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
-    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0)
+    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0, {})
     assert curve.shares_draws is are_shared
     assert curve.probability[0] > 0.9
+
+
+def test_the_models_curve_is_that_of_the_packets_that_are_sent() -> None:
+    scenario, radio = scenario_of("wifi-2.4", ("0", "1")), Radio(load_radio("wifi-2.4"))
+    model = Model(scenario)
+    nominal = model.curve(3000.0, {})
+    sent = model.curve(3000.0, {364: 9, 1536: 2})  # with the headers
+    expected = radio.probability_of_delivery(sent.distance_m, 300)
+    assert sent.probability == pytest.approx(expected)
+    assert (sent.probability < nominal.probability - 0.02).any()
+
+
+def test_each_cause_has_a_colour_of_its_own() -> None:
+    lost = set(FATES) - {"delivered"}
+    assert lost <= set(CAUSE_COLOURS)
+    assert len(set(CAUSE_COLOURS.values())) == len(CAUSE_COLOURS)
 
 
 @pytest.mark.parametrize("nodes", [2, 50])
@@ -107,6 +127,7 @@ def test_all_charts_are_json(nodes: int) -> None:
     np.fill_diagonal(share, np.nan)
     chart = matrix_chart([str(node) for node in range(nodes)], share, LIGHT)
     assert len(chart["series"][0]["data"]) == nodes * (nodes - 1)
+    assert chart["yAxis"]["axisLabel"]["interval"] == (0 if nodes == 2 else 1)
     empty = DistanceBins(*(np.empty(0) for _ in range(3)))
     charts = (
         chart,
@@ -132,6 +153,8 @@ def test_the_fleet_in_words() -> None:
     )
     assert (ua["chosen"], ground["chosen"]) == (True, False)
     assert ground["mode"] == "-"
+    view.take(AircraftState(mode="GROUND"), "gcs")
+    assert fleet_rows(view)[1]["mode"] == "GROUND"  # nothing to arm
     view.logged.take("0", "gap_m", 0, 12.3456)
     assert [row["logged"] for row in agent_rows(view)] == [1, 0]
     assert [(row["cause"], row["packets"]) for row in loss_rows(view)] == [

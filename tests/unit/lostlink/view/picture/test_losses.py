@@ -28,6 +28,14 @@ def test_fates_are_counted_by_cause_and_second() -> None:
     }
 
 
+def test_packets_on_main_are_counted_by_length() -> None:
+    losses = Losses(2)
+    losses.take(fates(0.1, [(0, 1, 0), (1, 0, 1)]))
+    two = fates(0.2, [(0, 1, 0), (1, 0, 1)])
+    losses.take(replace(two, length_bytes=(328, 900), network=("main", "mesh"), radio=(0, 1)))
+    assert losses.lengths == {40: 2, 328: 1}
+
+
 def test_the_latest_packet_says_who_hears_whom() -> None:
     losses = Losses(2)
     losses.take(fates(0.1, [(0, 1, 0), (1, 0, 1)]))
