@@ -19,8 +19,8 @@ def _pandas() -> Any:
         import pandas
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            "data frames need pandas: pip install 'lostlink[pandas]'; without it there are Run.columns (numpy) and "
-            "Run.table (pyarrow)"
+            "data frames need pandas: pip install 'lostlink[pandas]'; without it there are Run.columns (numpy), "
+            "Run.table (pyarrow) and StudyResult.rows"
         ) from error
     return pandas
 

@@ -7,12 +7,16 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
+from lostlink.reading.frames import frame_of_table
 from lostlink.study.lanes import Lanes, LocalLanes
 from lostlink.study.study import Standing, Study
 from lostlink.study.table import table_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STUDIES = Path("studies")
 
@@ -42,9 +46,9 @@ class StudyResult:
         return sum(bool(row["failure"]) for row in self.rows)
 
     @cached_property
-    def table(self) -> Any:
-        """The rows as a pandas DataFrame, as the file had them when the study was over."""
-        return table_of(self.rows).to_pandas()
+    def table(self) -> pd.DataFrame:
+        """The rows as a frame, as the file had them when the study was over."""
+        return frame_of_table(table_of(self.rows))
 
 
 def fly_study(
