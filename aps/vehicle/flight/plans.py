@@ -123,6 +123,7 @@ def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
         remaining_m=lambda now: max(0.0, height_m - now.alt_rel_m),
         modes=way.modes,
         needs_armed=True,
+        launches=is_fixed_wing(state),
         refusal_hint=way.refusal_hint,
         rejection_texts=way.rejection_texts,
     )
