@@ -436,6 +436,9 @@ def _is_target(execution: Execution) -> TypeGuard[CommandExecution]:
 
 
 def _flies(execution: Execution) -> bool:
+    """Whether it is nothing for a UA that is not armed."""
+    if isinstance(execution, CommandExecution) and execution.plan.launches:
+        return True
     return _is_target(execution) and not execution.plan.may_stand
 
 

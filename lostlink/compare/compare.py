@@ -115,6 +115,7 @@ class _Work:
         self.names: list[str] = []
         self.entries = 0
         self.ticks = 0
+        self._has_truth = False
         self._limit_ns = self._until_ns = until_ns
         self._a_was_cut = a_was_cut
         self._on_progress = on_progress
@@ -148,7 +149,7 @@ class _Work:
             self.run_a, self.run_b, table, until_ns, a_was_cut=self._a_was_cut, on_equal=count
         )
         if table is TRUTH:
-            self.ticks = max(self.ticks, ticks)
+            self.ticks, self._has_truth = ticks, ticks > 0
         return found
 
     def compare_stream(self, stream: Stream, in_a: set[Stream], in_b: set[Stream]) -> Difference | None:
@@ -184,7 +185,8 @@ class _Work:
             self._count(name)
             one.advance()
             other.advance()
-        self.ticks = max(self.ticks, ticks)
+        if not self._has_truth:  # units of modems, and exchanges between ticks, have instants of their own
+            self.ticks = max(self.ticks, ticks)
         if (a is None and b is None) or (one.entry is None and self._a_was_cut):
             return None
         return _difference(stream, one, other, self._limit_ns, before)

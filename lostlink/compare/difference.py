@@ -39,7 +39,7 @@ class Comparison:
         difference: None if the runs are identical.
         streams: names of all streams and tables of either run.
         entries: pairs of entries (and rows of tables) that are equal.
-        ticks: of the stream or table with the most.
+        ticks: of the truth; of records without it, of the stream with the most.
     """
 
     difference: Difference | None

@@ -1,28 +1,41 @@
-"""The table of distance bins that `lostlink run` prints."""
+"""The tables of distance bins that `lostlink run` prints."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from rich import box
 from rich.table import Table
 
 from channel.numbers.intervals import binomial_interval
-from lostlink.flight.summary import BIN_SENT_MIN, is_outside, of_transmissions, shares_draws
+from lostlink.flight.summary import (
+    BIN_SENT_MIN,
+    is_outside,
+    networks_of_bins,
+    of_transmissions,
+    shares_draws,
+)
 
 LINKS_MAX = 3
 """Of a row, that are named."""
 
 
-def bins_table(summary: dict[str, Any]) -> Table:
-    """The table for people: a row per distance bin, all directed links taken together.
+def bins_tables(summary: dict[str, Any]) -> Iterator[Table]:
+    """The tables for people, of each radio network: a row per distance bin, all directed links taken together.
 
     A bin of a link that lies outside its own interval is marked in the last column. Where packets share their draws
     there are no intervals.
     """
-    shared = shares_draws(summary["bins"])
-    title = "Probability of delivery by distance, all links"
-    if of_transmissions(summary["bins"]):
+    networks = networks_of_bins(summary["bins"])
+    for network, bins in networks.items():
+        yield _table(bins, f"{network}: " if len(networks) > 1 else "")
+
+
+def _table(bins: list[dict[str, Any]], network: str) -> Table:
+    shared = shares_draws(bins)
+    title = f"{network}Probability of delivery by distance, all links"
+    if of_transmissions(bins):
         title += ", of first transmissions, as if alone on the air"
     if shared:
         title += " (packets share shadowing or fading: no intervals)"
@@ -36,11 +49,11 @@ def bins_table(summary: dict[str, Any]) -> Table:
         *([] if shared else ["99 % interval"]),
     ):
         table.add_column(name, justify="right", no_wrap=True)
-    if any(is_outside(row) for row in summary["bins"]):
+    if any(is_outside(row) for row in bins):
         table.add_column("outside", overflow="fold")
-    starts = sorted({row["distance_min_m"] for row in summary["bins"]})
+    starts = sorted({row["distance_min_m"] for row in bins})
     for start_m in starts:
-        rows = [row for row in summary["bins"] if row["distance_min_m"] == start_m]
+        rows = [row for row in bins if row["distance_min_m"] == start_m]
         sent, delivered = (sum(row[key] for row in rows) for key in ("sent", "delivered"))
         predicted = min(1.0, sum(row["predicted"] * row["sent"] for row in rows) / sent)
         low, high = binomial_interval(sent, predicted)

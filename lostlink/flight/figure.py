@@ -13,7 +13,7 @@ from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
 from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
-from lostlink.flight.summary import of_transmissions, shares_draws
+from lostlink.flight.summary import networks_of_bins, of_transmissions, shares_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,8 @@ LINKS_MAX = 8
 """Of more links than this the figure shows all together."""
 CURVE_POINTS = 200
 """One for each five pixels; each may take 6 ms, where random terms are averaged over."""
+SPREAD_COLORS = ("tab:orange", "tab:green", "tab:red")
+"""Of further networks."""
 SPREAD_SENT_MIN = 20
 """Bins with fewer packets say little of how far apart links are."""
 
@@ -75,6 +77,8 @@ def draw_probability_of_delivery(
     if not isinstance(radio_name, str):
         radio_name = radio_name.get("preset", "own radio")
     name = Path(radio_name).stem if radio_name.endswith(YAML) else radio_name
+    networks = networks_of_bins(summary["bins"])
+    name = name if len(networks) <= 1 else ", ".join(networks)
     how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
     what = "first transmissions" if of_transmissions(summary["bins"]) else "measured"
     axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})")
@@ -84,16 +88,25 @@ def draw_probability_of_delivery(
 
 
 def draw_measured(axes: Axes, bins: list[dict[str, Any]], spread_color: str = "tab:blue") -> None:
-    """A point per link and bin with its interval; of many links one for all, and how far apart they lie."""
-    links = sorted({(row["tx"], row["rx"]) for row in bins})
+    """A point per link and bin with its interval; of many links one for all, and how far apart they lie.
+
+    Of several radio networks each has its own.
+    """
+    networks = networks_of_bins(bins)
+    of = {name: f", {name}" if len(networks) > 1 else "" for name in networks}
+    links = sorted({(name, row["tx"], row["rx"]) for name, rows in networks.items() for row in rows})
     if len(links) <= LINKS_MAX:
-        for index, (tx, rx) in enumerate(links):
-            rows = [row for row in bins if (row["tx"], row["rx"]) == (tx, rx)]
+        for index, (name, tx, rx) in enumerate(links):
+            rows = [row for row in networks[name] if (row["tx"], row["rx"]) == (tx, rx)]
             aside_m = 3.0 * (index - (len(links) - 1) / 2) / max(1, len(links) - 1)
-            _draw_points(axes, rows, MARKERS[index % len(MARKERS)], f"{tx} to {rx}", aside_m)
+            _draw_points(axes, rows, MARKERS[index % len(MARKERS)], f"{tx} to {rx}{of[name]}", aside_m)
         return
-    _draw_spread(axes, [row for row in bins if row["sent"] >= SPREAD_SENT_MIN], len(links), spread_color)
-    _draw_points(axes, _together(bins), MARKERS[0], f"all {len(links)} links")
+    colors = [spread_color, *SPREAD_COLORS]
+    for index, (name, rows) in enumerate(networks.items()):
+        count = sum(each == name for each, _, _ in links)
+        judged = [row for row in rows if row["sent"] >= SPREAD_SENT_MIN]
+        _draw_spread(axes, judged, f"{count} links{of[name]}", colors[index % len(colors)])
+        _draw_points(axes, _together(rows), MARKERS[index % len(MARKERS)], f"all {count} links{of[name]}")
 
 
 def _draw_points(
@@ -113,14 +126,14 @@ def _draw_points(
     )
 
 
-def _draw_spread(axes: Axes, bins: list[dict[str, Any]], links: int, color: str) -> None:
+def _draw_spread(axes: Axes, bins: list[dict[str, Any]], links: str, color: str) -> None:
     """From the worst to the best link at each distance."""
     spread: dict[float, list[float]] = {}
     for row in bins:
         spread.setdefault(_middle(row), []).append(row["measured"])
     at_m = sorted(spread)
     lowest, highest = ([pick(spread[each]) for each in at_m] for pick in (min, max))
-    axes.vlines(at_m, lowest, highest, color=color, alpha=0.25, lw=4, label=f"worst to best of {links} links")
+    axes.vlines(at_m, lowest, highest, color=color, alpha=0.25, lw=4, label=f"worst to best of {links}")
 
 
 def _together(bins: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -236,6 +236,14 @@ def shares_draws(bins: Sequence[dict[str, Any]]) -> bool:
     )
 
 
+def networks_of_bins(bins: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """By radio network, in the order of the bins; runs of before do not name it, nor does a table's row."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in bins:
+        found.setdefault(row.get("radio", MAIN), []).append(row)
+    return found
+
+
 def of_transmissions(bins: Sequence[dict[str, Any]]) -> bool:
     """Whether there are bins of first transmissions, each as if alone on the air, in place of packets."""
     return any(row.get("of") == BINS_OF_TRANSMISSIONS for row in bins)  # runs of before do not say

@@ -46,7 +46,7 @@ class BinChange:
         delivered_before: of these, as recorded.
         delivered_after: as decided anew.
         predicted_after: the new radio's mean probability of delivery over the true geometries; None where packets take
-            time on the air, which loses and delays them besides.
+            time on the air of any network, which loses and delays them besides.
     """
 
     tx: str
@@ -99,7 +99,7 @@ def compare_decisions(
     Args:
         before: what was recorded.
         after: of the same packets.
-        bins: of the ledgers of ``after`` where packets take no time, for what was predicted.
+        bins: of all ledgers of ``after`` if packets take no time, for what was predicted.
     """
     one, other = before.each(), after.each()
     in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())

@@ -95,11 +95,9 @@ class Redecision:
     @cached_property
     def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
-        return compare_decisions(
-            self.before,
-            self.after,
-            [row for each in self.books if not each.takes_time for row in each.ledger.bins()],
-        )
+        predicts = not any(each.takes_time for each in self.books)
+        bins = [row for each in self.books for row in each.ledger.bins()] if predicts else []
+        return compare_decisions(self.before, self.after, bins)
 
     @property
     def disagrees(self) -> bool:

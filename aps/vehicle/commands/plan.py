@@ -79,6 +79,8 @@ class CommandPlan:
     """Whether it only moves the point or velocity that the UA flies to: a newer one supersedes it."""
     may_stand: bool = False
     """Whether a target can be reached on the ground, by a UA that is not armed."""
+    launches: bool = False
+    """Whether a UA that is not armed would keep it for later: in its mode a plane takes off as soon as it is armed."""
     setpoint: Callable[[VehicleState, float], Any] | None = None
     """Builds the message that is sent again and again from acceptance on, from the state and the seconds since."""
     setpoint_period_s: float = 0.0

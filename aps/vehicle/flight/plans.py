@@ -12,6 +12,7 @@ from typing import Final
 from aps.timeouts import LANDING_TIMEOUT_S, MODE_TIMEOUT_S, REBOOT_TIMEOUT_S
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands.plan import ARMING, CommandPlan
+from aps.vehicle.flight.returning import Returning
 from aps.vehicle.flight.setpoints import SLOWEST_MPS
 from aps.vehicle.flight.steps import (
     checked,
@@ -26,7 +27,6 @@ from aps.wire.dialect import is_plane, mavlink
 __all__ = [
     "arm",
     "change_speed",
-    "circles_home",
     "disarm",
     "land",
     "reboot",
@@ -35,9 +35,6 @@ __all__ = [
     "takeoff",
 ]
 
-PLANE_RADIUS_M: Final = 200.0
-"""A fixed wing circles its target, at ArduPlane's WP_LOITER_RAD (60 m unless set, 120 m for our Aerosonde) and wider
-while it turns in: within this of it counts as there."""
 FORCE_DISARM: Final = 21196.0
 
 
@@ -123,6 +120,7 @@ def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
         remaining_m=lambda now: max(0.0, height_m - now.alt_rel_m),
         modes=way.modes,
         needs_armed=True,
+        launches=is_fixed_wing(state),
         refusal_hint=way.refusal_hint,
         rejection_texts=way.rejection_texts,
     )
@@ -136,23 +134,19 @@ def _height_m(state: VehicleState) -> float:
     return max(0.0, state.alt_rel_m)
 
 
-def circles_home(state: VehicleState) -> bool:
-    """Whether a fixed wing that returns is over home, where it goes on circling."""
-    home_m = horizontal_distance_m(state, state.home_lat_deg, state.home_lon_deg)
-    return is_fixed_wing(state) and home_m <= PLANE_RADIUS_M
-
-
 def rtl(state: VehicleState) -> CommandPlan:
-    """Return to launch: a copter is there once it has landed, a fixed wing once it circles over home."""
+    """Return to launch: a copter is there once it has landed, a fixed wing once it circles over home.
+
+    ArduPlane returns to a rally point, if it has one.
+    """
     way = autopilot_of(state.autopilot).rtl(state)
+    returning = Returning(way.modes)
     return CommandPlan(
         "rtl",
         way.steps,
-        lambda now: _is_down(now) or circles_home(now),
+        lambda now: returning.is_there(now) or _is_down(now),
         timeout_s=_way_home_s(state),
-        remaining_m=lambda now: finite_or_none(
-            math.hypot(horizontal_distance_m(now, now.home_lat_deg, now.home_lon_deg), _height_m(now))
-        ),
+        remaining_m=lambda now: finite_or_none(math.hypot(returning.way_m(now), _height_m(now))),
         modes=way.modes,
     )
 

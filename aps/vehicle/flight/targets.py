@@ -16,7 +16,8 @@ from aps.vehicle.autopilots.autopilot import Manoeuvre, Target
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands.plan import CommandPlan, Echo
 from aps.vehicle.execution import Refusal
-from aps.vehicle.flight.plans import PLANE_RADIUS_M, change_speed
+from aps.vehicle.flight.plans import change_speed
+from aps.vehicle.flight.returning import PLANE_RADIUS_M, WAY_LAG_S, WAY_M
 from aps.vehicle.flight.setpoints import NO_POSITION, ZERO, Yaw, leg_s, local_setpoint, offset_deg, place_of
 from aps.vehicle.flight.steps import checked, command_long, finite_or_none, horizontal_distance_m
 from aps.vehicle.state import Vector3, VehicleState
@@ -35,9 +36,6 @@ POINT_PERIOD_S: Final = 1.0
 """Between two repetitions of a point."""
 ECHO_M: Final = 0.5
 """From a point that was taken to what the autopilot says of it; it keeps centimetres."""
-WAY_M: Final = 2.0
-WAY_LAG_S: Final = 1.5
-"""From the way to go that the autopilot says, in whole metres and once a second, to the way that is left."""
 _ECHO: Final = mavlink.MAVLink_position_target_local_ned_message
 
 FRAMES: Final = ("relative", "amsl", "terrain")

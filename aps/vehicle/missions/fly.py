@@ -9,8 +9,8 @@ from aps.timeouts import MODE_TIMEOUT_S
 from aps.vehicle.autopilots.autopilot import Manoeuvre
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands.plan import CommandPlan, Step
-from aps.vehicle.flight.plans import circles_home
-from aps.vehicle.flight.steps import checked, finite_or_none
+from aps.vehicle.flight.returning import Returning
+from aps.vehicle.flight.steps import checked, finite_or_none, is_fixed_wing
 from aps.vehicle.missions.items import KINDS, first_seq
 from aps.vehicle.missions.reached import ReachedItems, reached_since
 from aps.vehicle.state import VehicleState
@@ -32,11 +32,12 @@ class _End:
     """Whether the mission is complete: the state at the start may still be that of the flight before.
 
     The autopilot says so; one that does not has reached the last item and does not land there, has landed, or (a fixed
-    wing whose last item is a return) circles over home.
+    wing whose last item is a return) circles over home or a rally point.
     """
 
     def __init__(self, start: VehicleState, way: Manoeuvre) -> None:
         self._start, self._way = start, way
+        self._returning = Returning(way.return_modes)
         self._lowest = first_seq(KINDS["mission"], start.autopilot)
         self._reached = ReachedItems(start)
         self._begun = self._started = False
@@ -76,7 +77,7 @@ class _End:
             return True  # a DO_JUMP at the end is never current
         was_at_last = now.time_boot_ms - self._last_item_ms <= LAST_ITEM_GRACE_MS
         landed = was_at_last and self._was_armed and not now.armed
-        returned = at_last and now.mode in self._way.return_modes and circles_home(now)
+        returned = at_last and now.mode in self._way.return_modes and self._returning.is_there(now)
         last_ns = self._reached.last_ns
         return landed or returned or (last_ns is not None and not _may_land(now, last_ns))
 
@@ -111,6 +112,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         may_leave=lambda now: now.mode in way.last_modes and end.is_at_last(now),
         leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
+        launches=is_fixed_wing(state),
         refusal_hint="" if state.mission_total else "the autopilot has no mission",
         position=lambda now: (
             max(0, now.mission_current),

@@ -24,7 +24,7 @@ from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
-from lostlink.flight.bins_table import bins_table
+from lostlink.flight.bins_table import bins_tables
 from lostlink.flight.console import plain_console
 from lostlink.flight.say import say
 from lostlink.flight.signals import signals_held
@@ -228,8 +228,8 @@ def _tell(
     elif quiet:
         say(summary["verdict"])
     else:
-        if summary["bins"]:
-            flight.console.print(bins_table(summary))
+        for table in bins_tables(summary):
+            flight.console.print(table)
         for line in expectation_lines(summary):
             style = "red" if line.startswith("FAILED") else ""
             flight.console.print(line, soft_wrap=True, style=style)

@@ -8,7 +8,7 @@ import pytest
 
 from aps.daemon import Daemon, DaemonConfig
 from aps.vehicle.execution import Outcome
-from aps.vehicle.flight.plans import PLANE_RADIUS_M
+from aps.vehicle.flight.returning import PLANE_RADIUS_M
 from tests.interop.builtin_vehicles import COPTER, PLANE, SYSID, sitl, until
 
 pytestmark = pytest.mark.ardupilot

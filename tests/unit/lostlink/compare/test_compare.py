@@ -55,6 +55,17 @@ def test_same_runs_are_identical_and_it_is_told_what_was_compared(tmp_path: Path
     assert result.entries == 2 * (20 + 20 + 4 + 20) + 40
 
 
+def test_what_is_sent_between_ticks_makes_no_more_of_them(tmp_path: Path) -> None:
+    def between(run: RunContent) -> None:
+        run.streams[packets("2")] = [Entry(at_ns, b"unit") for at_ns in range(0, 5 * TICK_NS, TICK_NS // 50)]
+
+    a, b = make_run(tmp_path / "a", between), make_run(tmp_path / "b", between)
+    assert examine(a, b).ticks == 20
+    for run in (a, b):
+        TRUTH.parquet_path(run).unlink()
+    assert examine(a, b).ticks == 250
+
+
 def test_truth_is_told_by_column(tmp_path: Path) -> None:
     found = difference(
         tmp_path, lambda run: run.change_truth(7, position_ned_m=Vector3(1.15, math.nan, -10.0))

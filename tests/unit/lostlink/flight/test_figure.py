@@ -70,6 +70,24 @@ def test_a_legend_has_an_entry_per_link_of_a_few_and_one_for_many(
     assert (tmp_path / "figure.png").stat().st_size > 5000
 
 
+@pytest.mark.parametrize("nodes", [2, 4])
+def test_links_of_several_networks_are_drawn_apart(nodes: int, drawn: list[Figure], tmp_path: Path) -> None:
+    bins = summary_of(nodes)["bins"]
+    both = [row | {"radio": name} for name in ("main", "telemetry") for row in bins]
+    draw_probability_of_delivery(summary_of(nodes) | {"bins": both}, None, tmp_path / "figure.png")
+    links = nodes * (nodes - 1)
+    assert legend_of(drawn[0]) == (
+        ["0 to 1, main", "1 to 0, main", "0 to 1, telemetry", "1 to 0, telemetry"]
+        if links <= LINKS_MAX
+        else [
+            f"{what} {links} links, {name}"
+            for what in ("worst to best of", "all")
+            for name in ("main", "telemetry")
+        ]
+    )
+    assert "main, telemetry" in drawn[0].axes[0].get_title()
+
+
 def test_many_links_are_drawn_as_their_mean_and_their_spread(drawn: list[Figure], tmp_path: Path) -> None:
     draw_probability_of_delivery(summary_of(4), None, tmp_path / "figure.png")
     (axes,) = drawn[0].axes

@@ -1,7 +1,8 @@
-"""Parameters that PX4 said it does not have."""
+"""Parameters that PX4 said it does not have, and those that ArduPilot's log does not list."""
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -42,3 +43,59 @@ def test_names_that_px4_does_not_have_are_told_unless_they_may_be_meant_for_ardu
     run.log_path("autopilot-1").parent.mkdir(exist_ok=True)
     run.log_path("autopilot-1").write_text(LOG)
     assert list(unknown_parameters(scenario, run)) == expected
+
+
+SWITCHED_OFF = "; this version has none, or its group is switched off"
+
+
+def dataflash(names: list[str], *, is_whole: bool = True) -> bytes:
+    """The beginning of a log: formats, parameters, and what comes after them."""
+
+    def described(kind: int, length: int, name: bytes, letters: bytes, columns: bytes) -> bytes:
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, letters, columns)
+
+    out = described(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    out += described(64, 35, b"PARM", b"QNff", b"TimeUS,Name,Value,Default")
+    out += described(65, 11, b"VER", b"Q", b"TimeUS")
+    for name in names:
+        out += b"\xa3\x95\x40" + struct.pack("<Q16sff", 1_930_072, name.encode(), 1.0, 0.0)
+    return out + (b"\xa3\x95\x41" + struct.pack("<Q", 1_930_072) if is_whole else b"")
+
+
+def flown(tmp_path: Path, logs: dict[int, bytes]) -> RunDirectory:
+    run = RunDirectory.create(tmp_path, "run")
+    for number, log in logs.items():
+        folder = run.path / f"autopilot-{number}/logs"
+        folder.mkdir(parents=True)
+        (folder / "00000001.BIN").write_bytes(log)
+    return run
+
+
+def lines(run: RunDirectory, own: dict[str, int], fleet: dict[str, int] | None = None) -> list[str]:
+    changes = {"autopilot": "ardupilot", "parameters": fleet or {}, "nodes.1.parameters": own}
+    changes |= {"nodes.0.airframe": "aerosonde"}
+    return list(unknown_parameters(read_scenario("separation", changes), run))
+
+
+def test_names_that_ardupilot_does_not_log_are_told(tmp_path: Path) -> None:
+    """As those of another version: 4.7 has MAV_GCS_SYSID and MAV2_EXTRA1."""
+    run = flown(tmp_path, {1: dataflash(["RTL_ALT", "MAV_GCS_SYSID", "A_NAME_OF_SIXTEE"])})
+    own = {"SYSID_MYGCS": 255, "SR1_EXTRA1": 4, "RTL_ALT": 3000, "A_NAME_OF_SIXTEE": 1}
+    told = "UA 1: its ArduPilot lists no parameter SR1_EXTRA1, SYSID_MYGCS"
+    assert lines(run, own) == [told + SWITCHED_OFF]
+
+
+def test_parameters_of_the_fleet_that_a_plane_alone_has_are_meant_for_planes(tmp_path: Path) -> None:
+    run = flown(tmp_path, {0: dataflash(["RTL_ALTITUDE"]), 1: dataflash(["RTL_ALT"])})
+    assert lines(run, {}, {"RTL_ALT": 3000, "RTL_ALTITUDE": 100}) == []
+    told = f"its ArduPilot lists no parameter SYSID_MYGCS{SWITCHED_OFF}"
+    assert lines(run, {}, {"RTL_ALT": 3000, "SYSID_MYGCS": 1}) == [f"UA 0: {told}", f"UA 1: {told}"]
+
+
+@pytest.mark.parametrize("log", [b"", b"none of ArduPilot's", dataflash(["RTL_ALT"], is_whole=False)])
+def test_a_log_without_all_parameters_says_nothing(tmp_path: Path, log: bytes) -> None:
+    assert lines(flown(tmp_path, {1: log}), {"SYSID_MYGCS": 255}) == []
+
+
+def test_where_there_is_no_log_nothing_is_told(tmp_path: Path) -> None:
+    assert lines(flown(tmp_path, {}), {"SYSID_MYGCS": 255}) == []

@@ -17,7 +17,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
-from lostlink.flight.bins_table import bins_table
+from lostlink.flight.bins_table import bins_tables
 from lostlink.flight.figure import draw_probability_of_delivery
 from lostlink.flight.summary import TickWatch, Timing, expectation_lines, summarise
 from lostlink.redecision.redecide import redecide
@@ -196,8 +196,20 @@ def test_of_a_table_that_is_damaged_nothing_is_counted(tmp_path: Path) -> None:
 
 def shown(summary: dict[str, Any]) -> str:
     console = Console(width=200, record=True, file=io.StringIO())
-    console.print(bins_table(summary))
+    for table in bins_tables(summary):
+        console.print(table)
     return " ".join(console.export_text().split())
+
+
+def test_each_network_has_a_table_of_its_own(tmp_path: Path) -> None:
+    """A ground station's modem loses what the agents' radio, on which nothing is lost, does not."""
+    bins = [row(0, 100, 1.0) | {"radio": "main"}, row(0, 50, 0.4) | {"radio": "telemetry", "ci99": None}]
+    text = shown(summary_of(tmp_path, bins))
+    main, telemetry = text.split("telemetry: Probability of delivery by distance")
+    assert main.startswith("main: Probability of delivery by distance, all links distance")
+    assert "0-20 100 100 1.000" in main
+    assert "no intervals" in telemetry
+    assert "0-20 50 20 0.400" in telemetry
 
 
 def test_intervals_of_independent_packets_are_not_held_against_those_that_share_their_draws(

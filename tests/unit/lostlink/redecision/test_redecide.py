@@ -406,3 +406,11 @@ def test_packets_that_cannot_be_told_apart_are_not_decided(tmp_path: Path) -> No
     pq.write_table(pq.read_table(path).take([0, 0, 1]), path)
     with pytest.raises(ValueError, match=f"{path.name}: a packet has two rows"):
         redecide(run)
+
+
+def test_what_a_network_predicts_is_not_told_of_packets_of_another(tmp_path: Path) -> None:
+    """Counts by distance are of all networks; of `mesh`, where packets take time, nothing is predicted."""
+    mesh = "networks: {mesh: wifi-2.4}\n"
+    scenario = scenario_of("perfect", NODES, extra=mesh)
+    run = flown(tmp_path / "run", scenario, 40, lambda number: [*some(number), Sent("0", radio="mesh")])
+    assert {b.predicted_after for b in redecide(run).comparison.bins} == {None}

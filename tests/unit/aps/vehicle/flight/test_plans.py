@@ -82,6 +82,30 @@ def test_fixed_wing_is_there_when_it_circles():
     assert rtl.reached(replace(circling, home_lat_deg=47.0, home_lon_deg=8.0))
 
 
+def test_arduplane_has_returned_where_it_says_that_it_circles():
+    """To a rally point, in place of home; what it said before was of another way point."""
+    over_home = replace(PLANE, home_lat_deg=47.0, home_lon_deg=8.0, waypoint_distance_m=60.0)
+    over_home = replace(over_home, heard_ns={0: 1, 62: 2})
+    rtl = plans.rtl(over_home)
+    assert not rtl.reached(over_home), "no heartbeat shows RTL"
+    returns = replace(over_home, mode="RTL", heard_ns={0: 3, 62: 2})
+    assert not rtl.reached(returns)
+    assert rtl.remaining_m(returns) is None
+    returns = replace(returns, waypoint_distance_m=1659.0, heard_ns={0: 3, 62: 4}, alt_rel_m=0.0)
+    assert not rtl.reached(returns)
+    assert rtl.remaining_m(returns) == 1659.0
+    assert rtl.reached(replace(returns, lat_deg=47.0149, waypoint_distance_m=150.0, heard_ns={0: 5, 62: 6}))
+
+
+def test_arduplane_that_returns_home_is_there_by_its_position_which_comes_more_often():
+    plane = replace(PLANE, home_lat_deg=47.0, home_lon_deg=8.0, mode="RTL", groundspeed_mps=25.0)
+    plane = replace(plane, lat_deg=47.0019, waypoint_distance_m=225.0, heard_ns={0: 1, 62: 2})
+    rtl = plans.rtl(plane)
+    assert not rtl.reached(plane)
+    assert rtl.remaining_m(plane) == pytest.approx(math.hypot(211.5, 20.0), abs=0.1)
+    assert rtl.reached(replace(plane, lat_deg=47.0017))
+
+
 def test_goal_beyond_the_date_line_is_near():
     state = replace(COPTER, lat_deg=0.0, lon_deg=179.99999)
     assert plans.horizontal_distance_m(state, 0.0, -179.99999) == pytest.approx(2.226, abs=0.01)

@@ -364,6 +364,19 @@ def test_targets_for_a_ua_that_is_told_to_be_disarmed_are_interrupted_at_once_an
     assert ends_of(bench, [("hold", ())]) == [], "which one may that stands"
 
 
+def test_a_plane_that_is_told_to_be_disarmed_is_not_left_in_a_mode_in_which_it_takes_off_once_armed():
+    bench = Bench(kind=1)
+    bench.tell(mavlink.MAVLink_heartbeat_message(1, 3, 0x51, 0, 4, 3))
+    bench.step()
+    heard = len(bench.autopilot.heard)
+    launches = [("takeoff", (50.0,)), ("mission", ())]
+    assert ends_of(bench, launches) == [f"{verb} interrupted: the UA is not armed" for verb, _ in launches]
+    bench.step()
+    assert len(bench.autopilot.heard) == heard
+    arms(bench, "us")
+    assert ends_of(bench, launches[:1]) == [], "a heartbeat may not show it yet"
+
+
 def test_a_target_that_fails_at_once_leaves_what_is_flown():
     bench = guided()
     bench.tell(heartbeat(armed=False))

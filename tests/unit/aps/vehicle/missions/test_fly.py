@@ -78,6 +78,18 @@ def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
     assert execution.result.reached
 
 
+def test_a_planes_mission_that_ends_with_a_return_to_a_rally_point_is_done_there():
+    plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=2)
+    plane = replace(plane, lat_deg=47.0, lon_deg=8.0, home_lat_deg=47.0, home_lon_deg=8.0)
+    execution, _ = started(replace(plane, mode="GUIDED"))
+    execution.poll(plane, 1)
+    returns = replace(plane, mode="RTL", mission_current=3, mission_state="PAUSED")
+    execution.poll(replace(returns, waypoint_distance_m=1659.0, heard_ns={0: 1, 62: 2}), 2)
+    assert execution.result is None, "it is over home"
+    execution.poll(replace(returns, waypoint_distance_m=150.0, heard_ns={0: 1, 62: 3}), 3)
+    assert execution.result.reached
+
+
 def test_a_planes_return_amid_its_mission_interrupts_it():
     plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
     execution, _ = started(replace(plane, mode="GUIDED"))
