@@ -78,6 +78,7 @@ def fly_study(
 
     Raises:
         StudyError: the study cannot be flown; a line per mistake.
+        ValueError: fewer lanes than one.
         OSError: its directory cannot be written.
     """
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
