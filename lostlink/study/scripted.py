@@ -72,7 +72,8 @@ def fly_study(
         lanes: how many runs fly at a time on this machine; one per core, at most 8, unless given. Or where they fly:
             `LocalLanes` or `DaskLanes`, whose processes stay for the next study until they are left (``with``), which
             also ends what still flies there when an exception has ended the wait.
-        tell: called after each run, and now and then in between.
+        tell: called after each run, and now and then in between, with how far it is: `done`, `failed` and `count` of
+            runs, and `case` and `failure` of the one that is just over.
         ardupilot_dir: where real binaries are, as in `fly`.
         px4_dir: where PX4 is, likewise.
 
@@ -90,4 +91,4 @@ def fly_study(
                 tell(standing)
     rows = ours.rows()
     ours.write(rows)
-    return StudyResult(ours.directory, rows, tuple(ours.draw()))
+    return StudyResult(ours.directory, rows, tuple(ours.draw(rows)))
