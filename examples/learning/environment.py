@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from multiprocessing.connection import Client, Listener
+from multiprocessing.connection import Client, Connection, Listener
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Self
@@ -33,6 +33,7 @@ class Environment:
         self._directory, self._changes = directory, UNKEPT | (changes or {})
         self._pool = ThreadPoolExecutor(1)
         self._flight: Future[RunResult] | None = None
+        self._agent: Connection | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -80,9 +81,11 @@ class Environment:
         """End the episode, if there is one; gives its run."""
         if self._flight is None:
             return None
+        flight, self._flight = self._flight, None
+        if self._agent is None:  # it finds nobody to ask, which ends it
+            return flight.result()
         with suppress(OSError):  # which is over
             self._agent.send(None)
-        flight, self._flight = self._flight, None
         result = flight.result()
         self._agent.close()
         return result

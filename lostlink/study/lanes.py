@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 from bridge.fleet.children.child import start_process
+from bridge.fleet.own_thread import begun
 from bridge.timeouts import NEWS_PERIOD_S
 from fdm.exchange.settings import core_count
 from lostlink.study.model import StudyError
@@ -118,9 +119,14 @@ class LocalLanes:
 
     Args:
         lanes: how many; one per core, at most 8, unless given.
+
+    Raises:
+        ValueError: fewer than one.
     """
 
     def __init__(self, lanes: int | None = None) -> None:
+        if lanes is not None and lanes < 1:
+            raise ValueError(f"lanes: has to be 1 or more, not {lanes}")
         self._pool = ThreadPoolExecutor(lanes or min(8, core_count()), thread_name_prefix="lane")
         self._flights = _Flights()
 
@@ -156,7 +162,7 @@ class DaskLanes:
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told in our words
         try:
-            asyncio.run(_meet(scheduler))
+            begun(lambda: asyncio.run(_meet(scheduler)), "meets Dask").result()  # a notebook has a loop here
             self._client: Any = Client(scheduler, set_as_default=False)
             self._scheduler = scheduler
         except (OSError, ValueError) as error:

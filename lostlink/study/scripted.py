@@ -72,12 +72,14 @@ def fly_study(
         lanes: how many runs fly at a time on this machine; one per core, at most 8, unless given. Or where they fly:
             `LocalLanes` or `DaskLanes`, whose processes stay for the next study until they are left (``with``), which
             also ends what still flies there when an exception has ended the wait.
-        tell: called after each run, and now and then in between.
+        tell: called after each run, and now and then in between, with how far it is: `done`, `failed` and `count` of
+            runs, and `case` and `failure` of the one that is just over.
         ardupilot_dir: where real binaries are, as in `fly`.
         px4_dir: where PX4 is, likewise.
 
     Raises:
         StudyError: the study cannot be flown; a line per mistake.
+        ValueError: fewer lanes than one.
         OSError: its directory cannot be written.
     """
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
@@ -89,4 +91,4 @@ def fly_study(
                 tell(standing)
     rows = ours.rows()
     ours.write(rows)
-    return StudyResult(ours.directory, rows, tuple(ours.draw()))
+    return StudyResult(ours.directory, rows, tuple(ours.draw(rows)))

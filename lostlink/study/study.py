@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
+from lostlink.reading.frames import frame_of_table
 from lostlink.study.case_process import (
     LOG_FILE,
     CasePlan,
@@ -23,8 +24,8 @@ from lostlink.study.cases import Case, cases_of
 from lostlink.study.earlier import earlier_results
 from lostlink.study.lanes import Lanes
 from lostlink.study.metrics import link_column, load
-from lostlink.study.model import Function, StudyError, read_study, study_from
-from lostlink.study.table import TABLE_FILE, write_table
+from lostlink.study.model import StudyError, read_study, study_from
+from lostlink.study.table import TABLE_FILE, table_of, write_table
 
 RUNS_FOLDER = "runs"
 NOT_FLOWN = "not flown"
@@ -165,18 +166,13 @@ class Study:
         write_table(rows, table)
         return table
 
-    def draw(self) -> Iterator[str]:
-        """Have the study's figures drawn of the table; gives a line for each that cannot be."""
+    def draw(self, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+        """Have the study's figures drawn of the table, whose rows these are; gives a line for each that cannot be."""
         for function in self.content.figures:
             try:
-                self._draw(function)
+                load(function)(frame_of_table(table_of(rows)), self.directory)
             except (Exception, SystemExit) as error:
                 yield f"{function}: {type(error).__name__}: {error}"
-
-    def _draw(self, function: Function) -> None:
-        import pandas as pd
-
-        load(function)(pd.read_parquet(self.directory / TABLE_FILE), self.directory)
 
     def _failure(self, path: Path) -> str:
         """Why a run failed, with where the files are that this names; "" if it did not."""

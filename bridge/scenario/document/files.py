@@ -79,7 +79,7 @@ def file_seen_from(folder: Path, name: str) -> Path:
 
 
 def _any_file(name: str, folder: Path) -> str:
-    return str(file_seen_from(folder, name))
+    return str(file_seen_from(folder, name)) if name else name
 
 
 def _yaml_file(name: str, folder: Path) -> str:

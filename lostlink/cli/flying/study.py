@@ -121,7 +121,7 @@ def _tell_results(ours: Study, console: Console, *, as_json: bool) -> int:
         _print_settings(ours, rows, rows)
     console.print(f"{table}", soft_wrap=True)
     _tell_not_passed(rows, console)
-    for mistake in ours.draw():
+    for mistake in ours.draw(rows):
         tell(mistake)
         failed += 1
     if as_json:

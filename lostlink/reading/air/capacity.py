@@ -70,6 +70,16 @@ class Capacity:
         return not isinstance(self.settings, AirTimeMedium)
 
     @property
+    def is_tried(self) -> bool:
+        """Whether what it carries of packets of a length is tried on the medium itself, which takes time."""
+        return isinstance(self.settings, SikMedium)
+
+    @property
+    def max_length_bytes(self) -> float:
+        """The longest payload that it takes."""
+        return float(getattr(self.settings, "max_length_bytes", inf))
+
+    @property
     def shared_by(self) -> SharedBy:
         """Who shares it: all nodes, those of a group (NETID, channel), or each sender has so much for itself."""
         if isinstance(self.settings, TdmaMedium) or not getattr(self.settings, "is_shared", True):
@@ -109,7 +119,7 @@ class Capacity:
             priority: of the packet, where only some slots take it; None: it may be any.
         """
         settings, radio = self.settings, self.radios[node]
-        if not self.may_send(node) or payload_bytes > getattr(settings, "max_length_bytes", inf):
+        if not self.may_send(node) or payload_bytes > self.max_length_bytes:
             return 0.0
         bit_rate_bps = radio.config.bit_rate_bps
         if isinstance(settings, Ideal):  # a fixed length may be less than the payload's

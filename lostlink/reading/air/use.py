@@ -41,6 +41,8 @@ NEEDED: Final = (
 """Columns that `DeliveryRows` have to have for this."""
 BUSY_NS: Final = 10_000_000_000
 """A network is busiest in a time of so long: a queue that holds more than this is no radio's."""
+TRIED_MAX: Final = 16
+"""So many lengths are tried on a medium, at most: a run may have hundreds, as of compressed pictures."""
 SHARES: Final = (0.5, 0.95)
 Numbers = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -158,8 +160,10 @@ def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
     _, first = np.unique(tx * (int(seq.max(initial=0)) + 1) + seq, return_index=True)
     once, nodes = given.at(first), rows.nodes
     payload_bytes = payloads_of(once, capacity)
-    need_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.packet_s(nodes[tx], payload))
-    own_s = _for_each(tx[first], payload_bytes, lambda tx, payload: capacity.own_s(nodes[tx], payload))
+    tried = _tried(payload_bytes, capacity)
+    as_long = np.maximum(payload_bytes, 1) / np.maximum(tried, 1)
+    need_s = as_long * _for_each(tx[first], tried, lambda tx, length: capacity.packet_s(nodes[tx], length))
+    own_s = as_long * _for_each(tx[first], tried, lambda tx, length: capacity.own_s(nodes[tx], length))
     number = {node: number for number, ids in enumerate(capacity.sharers) for node in ids}
     shared = np.array([number.get(node, -1) for node in nodes], dtype=np.int64)[tx[first]]
     own = np.where(own_s > 0.0, len(capacity.sharers) + tx[first], -1)
@@ -172,6 +176,17 @@ def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
         len(capacity.sharers) + len(nodes),
         len(nodes),
     )
+
+
+def _tried(payload_bytes: Whole, capacity: Capacity) -> Whole:
+    """Payloads that stand for those of packets, by byte: where each length is tried, the nearest of `TRIED_MAX`."""
+    fits = payload_bytes <= capacity.max_length_bytes
+    if not capacity.is_tried or len(np.unique(payload_bytes[fits])) <= TRIED_MAX:
+        return payload_bytes
+    shares = (np.arange(TRIED_MAX) + 0.5) / TRIED_MAX
+    tried = np.unique(np.quantile(payload_bytes[fits], shares, method="nearest"))
+    nearest = tried[np.searchsorted((tried[1:] + tried[:-1]) / 2, payload_bytes)]
+    return np.where(fits, nearest, payload_bytes)
 
 
 def payloads_of(rows: DeliveryRows, capacity: Capacity) -> Whole:

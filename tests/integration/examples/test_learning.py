@@ -77,6 +77,19 @@ def test_an_episode_ends_when_its_environment_is_left(tmp_path: Path) -> None:
     assert environment.close() is None
 
 
+def test_who_is_interrupted_before_the_agent_asks_gets_just_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    found = module("environment")
+    monkeypatch.setattr(found.Listener, "accept", interrupted)
+    with pytest.raises(KeyboardInterrupt), found.Environment(tmp_path, SHORT) as environment:
+        environment.reset(seed=1)
+    assert environment.close() is None
+
+
 @pytest.mark.slow
 def test_a_search_flies_no_candidate_twice(tmp_path: Path) -> None:
     search = module("search")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bridge.record.tables.deliveries import FATES
+from channel.access.settings.sik import _carried_bps
 from lostlink.reading.air.account import account_of
 from lostlink.reading.air.capacity import Capacity, rate_text
 from lostlink.reading.air.too_long import TooLong, remark_of, warnings_of
@@ -134,6 +135,23 @@ def test_one_alone_of_a_pair_of_sik_radios_cannot_use_all_of_its_time() -> None:
     assert account.capacity_bps == pytest.approx(8 * 92 / own_s)
     assert "of one sender" in "".join(account.warnings)
     assert (both.shared_by, both.share) == ("all", pytest.approx(40 * pair.packet_s("0", 92)))
+
+
+def test_of_many_lengths_some_are_tried_on_sik_radios(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes a tenth of a second, and a run may have hundreds; what is too long still needs nothing."""
+    monkeypatch.setattr("lostlink.reading.air.use.TRIED_MAX", 4)
+    pair = Capacity.of(
+        scenario_of("{preset: telemetry-915, medium: {model: sik, max_window_ms: 20}}", NODES[:2])
+    )
+    lengths = [*range(50, 290, 30), 5000]
+    many = rows(*({"seq": seq, "length_bytes": 8 + length} for seq, length in enumerate(lengths)))
+    _carried_bps.cache_clear()
+    need_s, own_s = offered_of(many, pair).need_s
+    assert _carried_bps.cache_info().misses == 2 * 4
+    assert (need_s[-1], own_s[-1]) == (0.0, 0.0)
+    exact_s = np.array([pair.packet_s("0", length) for length in lengths])
+    assert need_s.sum() == pytest.approx(exact_s.sum(), rel=0.1)
+    assert (need_s == exact_s).sum() == 4 + 1
 
 
 def test_each_sender_has_its_own_slots() -> None:

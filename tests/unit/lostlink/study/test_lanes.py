@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import fcntl
+import socket
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -161,3 +163,22 @@ def test_a_worker_that_does_not_see_the_study_says_so(tmp_path: Path) -> None:
         StudyError, match=r"/gone is not there on .+: workers have to see the study's directory"
     ):
         fly_here("client", str(tmp_path / "gone"))
+
+
+def test_a_scheduler_is_met_from_a_notebook() -> None:
+    """Which has an event loop in its thread."""
+    pytest.importorskip("distributed")
+
+    async def cell() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(StudyError, match=f"^no Dask scheduler answers at {address}: "):
+            DaskLanes(address)
+
+    asyncio.run(cell())
+
+
+@pytest.mark.parametrize("lanes", [0, -1])
+def test_fewer_lanes_than_one_are_refused(lanes: int) -> None:
+    with pytest.raises(ValueError, match=f"^lanes: has to be 1 or more, not {lanes}$"):
+        LocalLanes(lanes)

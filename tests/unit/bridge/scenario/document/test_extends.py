@@ -102,6 +102,16 @@ def test_files_in_options_are_seen_from_whoever_names_them(folder: Path) -> None
     assert it.expectations[0].options == {"table_file": str(folder / "t.csv")}
 
 
+def test_an_option_without_a_file_stays_empty(folder: Path) -> None:
+    """It was the folder of the scenario, which agents took for a file that is there."""
+    (folder / "own.py").write_text(
+        "from lostlink import Agent\nclass Own(Agent):\n    reads = 'weights_file', 'file'\n"
+    )
+    own = "type: own, class: ../own.py:Own, options: {weights_file: '', file: null}"
+    (folder / "bases" / "base.yaml").write_text(BASE.replace("type: hold, altitude_m: 40", own))
+    assert read_scenario(mine(folder, "")).ua[0].agent.options == {"weights_file": "", "file": None}
+
+
 def test_a_shipped_scenario_and_a_chain_can_be_extended(folder: Path) -> None:
     (folder / "one.yaml").write_text("extends: separation\nname: one\nseed: 5\n")
     (folder / "two.yaml").write_text("extends: one.yaml\nname: two\n")
