@@ -15,17 +15,23 @@ ASKED_FOR_A_RUN, ASKED_FOR_A_NODE = 256, 32
 """Those that may be, as agents keep files, too, and clients come."""
 
 
-def allow_open_files(scenario: Scenario) -> None:
-    """Have the system allow this process, and those that it starts, as many as the run may need.
-
-    Raises:
-        FleetError: it does not allow what the run needs for certain; the text says what to do.
-    """
+def ask_for_open_files(nodes: int) -> None:
+    """Have the system allow this process, and those that it starts, as many as a run of so many nodes may need."""
     now, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    ground, ua = len(scenario.ground), len(scenario.ua)
-    asked = min(ASKED_FOR_A_RUN + ASKED_FOR_A_NODE * (ground + ua), _number(most))
+    asked = min(ASKED_FOR_A_RUN + ASKED_FOR_A_NODE * nodes, _number(most))
     if asked > _number(now):
         resource.setrlimit(resource.RLIMIT_NOFILE, (int(asked), most))
+
+
+def allow_open_files(scenario: Scenario) -> None:
+    """As `ask_for_open_files`, of a run that is to begin.
+
+    Raises:
+        FleetError: the system does not allow what the run needs for certain; the text says what to do.
+    """
+    ground, ua = len(scenario.ground), len(scenario.ua)
+    ask_for_open_files(ground + ua)
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     needed = OF_A_RUN + OF_A_GROUND_NODE * ground + OF_A_UA * ua
     if how_joined(scenario) == "one" and needed > _number(most):
         raise FleetError(
