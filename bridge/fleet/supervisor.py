@@ -296,7 +296,9 @@ class Fleet:
         self._settle(Ending.INTERRUPTED)
         self._observer.on_phase("ends all processes")
         if self._parts is not None:
+            patience = asyncio.create_task(self._let_the_radio_finish())
             self.killed = await self._parts.end(self._news)
+            patience.cancel()
             self._report.count("samples_whose_handling_failed", self._parts.failed)
         self._crew.dismiss()
         if self._keyring is not None:
@@ -310,6 +312,17 @@ class Fleet:
             )
         await in_own_thread(self._tell_changed_files)
         self._report.close()
+
+    async def _let_the_radio_finish(self) -> None:
+        """A radio that is at a tick may take as long for it as it may in flight: that it is at work counts as news."""
+        told, loop = False, asyncio.get_running_loop()
+        while loop.time() - self._last_tick < max(SILENCE_S, 2 * self._scenario.fdm.stall_timeout_s):
+            if self._blocked(RADIO_BLOCKED):
+                self._news.set()
+                if not told:
+                    self._observer.on_phase("ends all processes: waits for the radio")
+                told = True
+            await asyncio.sleep(LOOK_PERIOD_S)
 
     # What the parts report (`bridge.fleet.tidings.Tidings`).
 

@@ -21,8 +21,9 @@ from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.verdict import UNJUDGED, verdict_of
 from lostlink.plan.radios.held import held_back
-from lostlink.reading.air.account import AirAccount, account_of
-from lostlink.reading.air.use import NEEDED, NS_PER_S, of_networks
+from lostlink.reading.air.account import AirAccount, AirTally
+from lostlink.reading.air.capacity import Capacity
+from lostlink.reading.air.use import NEEDED, NS_PER_S
 from lostlink.reading.links import link_counts
 from lostlink.reading.routes import on_air_ns
 from lostlink.reading.rows import DeliveryRows
@@ -201,18 +202,21 @@ def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
 
 def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccount]:
     """The account of each network; none if there are no deliveries, or they cannot be read."""
+    tallies = {name: AirTally(Capacity.of(scenario, name)) for name in scenario.network_names}
+    has_rows = False
     try:
-        rows = DeliveryRows.read(run.path, scenario.transceiver_ids, NEEDED).each()
+        for rows in DeliveryRows.some_at_a_time(run.path, scenario.transceiver_ids, NEEDED):
+            each = rows.each()
+            has_rows = has_rows or len(each) > 0
+            for name, tally in tallies.items():
+                tally.add(each.at(each.columns["radio"] == name))
     except (OSError, TableError):
         return []  # why it cannot be read is reported where it should have become Parquet
-    if not len(rows):
+    if not has_rows:
         return []
     end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
     on_air = on_air_ns(run.path)
-    return [
-        account_of(mine, capacity, end_ns, on_air.get(capacity.network))
-        for mine, capacity in of_networks(rows, scenario)
-    ]
+    return [tally.account(end_ns, on_air.get(name)) for name, tally in tallies.items()]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

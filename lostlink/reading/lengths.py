@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,8 +41,10 @@ def packets_by_length(rows: DeliveryRows) -> dict[int, int]:
 
 def recorded_payload_bytes(run: Path, scenario: Scenario, radio: Radio) -> int | None:
     """The median payload of a run's packets; None if none is recorded, or the table cannot be read."""
+    packets: Counter[int] = Counter()
     try:
-        rows = DeliveryRows.read(run, scenario.transceiver_ids, COLUMNS)
+        for rows in DeliveryRows.some_at_a_time(run, scenario.transceiver_ids, COLUMNS):
+            packets.update(packets_by_length(rows))
     except (OSError, TableError):
         return None
-    return median_payload_bytes(radio, packets_by_length(rows))
+    return median_payload_bytes(radio, packets)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,9 +18,11 @@ from bridge.record.tables.deliveries import (
     GAPS_FROM,
     WORDS,
     for_each_receiver,
+    labels_of,
     no_deliveries,
     read_deliveries,
 )
+from bridge.record.tables.reader import joined, read_batches
 from bridge.record.tables.schema import Columns
 from channel.medium.reception import Fate
 
@@ -56,12 +58,28 @@ class DeliveryRows:
         is_there = DELIVERIES.is_in(run)
         return cls(tuple(nodes), read_deliveries(run, nodes, chosen) if is_there else no_deliveries(chosen))
 
+    @classmethod
+    def some_at_a_time(cls, run: Path, nodes: Sequence[str], names: Sequence[str]) -> Iterator[DeliveryRows]:
+        """As `read`, in parts: a record of many UA is larger than memory."""
+        if DELIVERIES.is_in(run):
+            for columns in read_batches(run, DELIVERIES, (*LINK, *names), labels_of(nodes)):
+                yield cls(tuple(nodes), columns)
+
+    @classmethod
+    def joined(cls, parts: Sequence[DeliveryRows]) -> DeliveryRows:
+        """The rows of all parts, of which there is at least one, one part behind the other."""
+        return cls(parts[0].nodes, joined([part.columns for part in parts]))
+
     def __len__(self) -> int:
         return len(self.columns["tx"])
 
     def at(self, rows: NDArray[Any] | slice) -> DeliveryRows:
         """Some of the rows."""
         return DeliveryRows(self.nodes, {name: values[rows] for name, values in self.columns.items()})
+
+    def only(self, names: Sequence[str]) -> DeliveryRows:
+        """The rows with these columns."""
+        return DeliveryRows(self.nodes, {name: self.columns[name] for name in names})
 
     def each(self) -> DeliveryRows:
         """The rows with one for each receiver in the place of one for everybody."""

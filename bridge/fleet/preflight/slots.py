@@ -11,7 +11,8 @@ from contextlib import ExitStack, contextmanager
 
 from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.locks import hold
-from bridge.fleet.preflight.ports import PortUse, conflicts, ports_of, why_no_loopback
+from bridge.fleet.preflight.open_files import allow_open_files
+from bridge.fleet.preflight.ports import PortUse, conflicts, mistakes, ports_of, why_no_loopback
 from bridge.scenario.model import Scenario
 
 NAME = "lostlink-tcp"
@@ -28,7 +29,8 @@ LAST_INSTANCE = 249
 """Of real autopilots: the last slot that PX4 takes."""
 
 
-def _see_loopback() -> None:
+def _see_machine(scenario: Scenario) -> None:
+    allow_open_files(scenario)
     if why := why_no_loopback():
         raise FleetError(why)
 
@@ -42,10 +44,11 @@ def at_own_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scena
         repeats: it repeats a record.
 
     Raises:
-        FleetError: one is taken; the text says which, by whom if known, and what to do. Or there is no loopback.
+        FleetError: one is taken; the text says which, by whom if known, and what to do. Or there is no loopback, or
+            too few files may be open.
         OSError: it cannot be locked.
     """
-    _see_loopback()
+    _see_machine(scenario)
     with ExitStack() as held:
         uses = list(ports_of(scenario, repeats=repeats))
         taken = conflicts(uses, _lock(uses, held))
@@ -63,14 +66,18 @@ def at_free_ports(scenario: Scenario, *, repeats: bool = False) -> Iterator[Scen
         repeats: it repeats a record.
 
     Raises:
-        FleetError: there are none; or a port that does not move with the slot is taken; or there is no loopback.
+        FleetError: there are none; or a port that does not move with the slot is taken; or two of its own ports are
+            one; or as `at_own_ports`.
         OSError: as `at_own_ports`.
     """
-    _see_loopback()
+    _see_machine(scenario)
     count = max((ua.id for ua in scenario.ua), default=0) + 1
     last = LAST_INSTANCE if scenario.autopilots & {"ardupilot", "px4"} else LAST_SLOT
     moved = set(ports_of(_at(scenario, FIRST_SLOT + 1), repeats=repeats))
-    fixed = [use for use in ports_of(_at(scenario, FIRST_SLOT), repeats=repeats) if use in moved]
+    first = list(ports_of(_at(scenario, FIRST_SLOT), repeats=repeats))
+    if wrong := mistakes(first):  # at all others, too
+        raise FleetError("\n".join(wrong))
+    fixed = [use for use in first if use in moved]
     for slot in range(FIRST_SLOT, last - count + 2):
         with ExitStack() as held:
             placed = _at(scenario, slot)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 READ_ROWS: Final = 1 << 16
+GROWS_BY: Final = 8
+"""While a table is read whole, there is room for up to this part of it more."""
 Names = Mapping[str, Sequence[str]]
 """For columns of names all that there may be: what is read are places in them."""
 AS_TEXT: Final[Names] = MappingProxyType({})
@@ -54,8 +56,21 @@ def read_columns(
     run: Path, table: Table, columns: Sequence[str] | None = None, names: Names = AS_TEXT
 ) -> Columns:
     """The columns of a table, whole. Arguments and errors as of `read_batches`."""
-    batches = list(read_batches(run, table, columns, names))
-    return joined(batches) if batches else no_rows(table, columns, names)
+    whole: Columns = {}
+    rows = 0
+    for batch in read_batches(run, table, columns, names):
+        whole = whole or {name: np.empty(0, values.dtype) for name, values in batch.items()}
+        size = len(next(iter(batch.values())))
+        for name, values in batch.items():
+            if rows + size > len(
+                whole[name]
+            ):  # a little more each time: whole and parts at once would be twice
+                whole[name].resize(rows + size + rows // GROWS_BY, refcheck=False)
+            whole[name][rows : rows + size] = values
+        rows += size
+    for values in whole.values():
+        values.resize(rows, refcheck=False)
+    return whole or no_rows(table, columns, names)
 
 
 def read_arrow(run: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:

@@ -8,6 +8,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
+from bridge.fleet.preflight.open_files import ask_for_open_files
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory, name_in_utf8
@@ -46,6 +47,7 @@ def write_mcap(
         OSError: a file cannot be read or written.
     """
     scenario = RunDirectory(run).scenario
+    ask_for_open_files(len(scenario.transceivers))
     end_ns = _end_of(run)
     with McapFile(path, settings) as file:
         sources = list(_sources(run, file, scenario))

@@ -15,12 +15,16 @@ from lostlink.reading.air.too_long import TooLong, remark_of, too_long_of, warni
 from lostlink.reading.air.use import (
     BUSY_NS,
     NS_PER_S,
+    Delays,
     Numbers,
+    ReceivedBits,
     delays_of,
     edges_of,
+    frame_rows,
     frames_of,
     offered_of,
-    received_most_bits_per_s,
+    packet_rows,
+    received_of,
 )
 from lostlink.reading.rows import RUN_ENDED, DeliveryRows
 
@@ -172,61 +176,94 @@ class AirAccount:
         return asdict(self)
 
 
+class AirTally:
+    """What the account of a network needs of its rows: little, beside one for each receiver of each packet.
+
+    Args:
+        capacity: of the network.
+    """
+
+    def __init__(self, capacity: Capacity) -> None:
+        self._capacity = capacity
+        self._packets: list[DeliveryRows] = []
+        self._frames: list[DeliveryRows] = []
+        self._delays: list[Delays] = []
+        self._received: list[ReceivedBits] = []
+        self._fates = np.zeros(len(FATES), dtype=np.int64)
+
+    def add(self, rows: DeliveryRows) -> None:
+        """Rows come, behind those before: of the network, with `NEEDED`, one for each receiver."""
+        c = rows.columns
+        self._packets.append(packet_rows(rows))
+        self._received.append(received_of(rows, self._capacity))
+        self._fates += np.rint(np.bincount(c["fate"], c["packets"], len(FATES))).astype(np.int64)
+        if self._capacity.takes_time:
+            self._frames.append(frame_rows(rows))
+            self._delays.append(delays_of(rows))
+
+    def account(self, end_ns: int, on_air_ns: int | None = None) -> AirAccount:
+        """The account of the network over a run, of which some rows have come, if none of this network.
+
+        Args:
+            end_ns: the end of the run, its last tick included.
+            on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.
+        """
+        capacity, packets = self._capacity, DeliveryRows.joined(self._packets)
+        offered, whole = offered_of(packets, capacity), edges_of(end_ns, max(end_ns, 1))
+        waits, delays, use = self._times(whole) if capacity.takes_time else (None, None, None)
+        if on_air_ns is not None:
+            use = on_air_ns / max(end_ns, 1)
+        received_bps = ReceivedBits(*map(np.concatenate, zip(*self._received, strict=True))).most_per_s(
+            len(packets.nodes), end_ns
+        )
+        own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
+        bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in packets.nodes])
+        most = int(np.argmax(received_bps / bit_rates_bps))
+        capacity_bps, is_own = offered.busiest(whole)
+        shared_by: SharedBy = "sender" if is_own else capacity.shared_by
+        return AirAccount(
+            radio=capacity.network,
+            medium=capacity.medium,
+            takes_time=capacity.takes_time,
+            is_shared=shared_by == "all",
+            shared_by=shared_by,
+            packets=len(offered.tx),
+            offered_bps=float(offered.bits_per_s(whole)[0]),
+            capacity_bps=capacity_bps,
+            share=float(offered.shares(whole)[0]),
+            busiest_share=offered.busiest_share(end_ns),
+            is_routed=on_air_ns is not None,
+            use_share=use,
+            wait_p50_s=_number(waits, 0),
+            wait_p95_s=_number(waits, 1),
+            delay_p50_s=_number(delays, 0),
+            delay_p95_s=_number(delays, 1),
+            lost_waiting=self._lost(*WAITING),
+            waiting_at_end=int(self._fates[RUN_ENDED]),
+            lost_overlapping=0 if capacity.has_turns else self._lost(*OVERLAPPING),
+            received_most_bps=float(received_bps[most]),
+            received_most_node=packets.nodes[most],
+            received_most_share=float(received_bps[most] / bit_rates_bps[most]),
+            too_long=tuple(too_long_of(packets, capacity)),
+        )
+
+    def _times(self, whole: Any) -> tuple[Numbers, Numbers, float]:
+        """Quantiles of waits and delays over the run, and the use of the air."""
+        frames = frames_of(DeliveryRows.joined(self._frames))
+        delays = Delays(*map(np.concatenate, zip(*self._delays, strict=True)))
+        return frames.waits(whole)[:, 0], delays.over_time(whole)[:, 0], float(frames.use(whole)[0])
+
+    def _lost(self, *fates: Fate) -> int:
+        return sum(int(self._fates[FATES.index(fate.value)]) for fate in fates)
+
+
 def account_of(
     rows: DeliveryRows, capacity: Capacity, end_ns: int, on_air_ns: int | None = None
 ) -> AirAccount:
-    """The account of a network over a run.
-
-    Args:
-        rows: of the network, with `lostlink.reading.air.use.NEEDED`, one for each receiver.
-        capacity: of the network.
-        end_ns: the end of the run, its last tick included.
-        on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.
-    """
-    offered, whole = offered_of(rows, capacity), edges_of(end_ns, max(end_ns, 1))
-    waits, delays, use = _times(rows, whole) if capacity.takes_time else (None, None, None)
-    if on_air_ns is not None:
-        use = on_air_ns / max(end_ns, 1)
-    waiting, overlapping = ([FATES.index(fate.value) for fate in some] for some in (WAITING, OVERLAPPING))
-    fates, packets = rows.columns["fate"], rows.columns["packets"]
-    lost_overlapping = 0 if capacity.has_turns else int(packets[np.isin(fates, overlapping)].sum())
-    received_bps = received_most_bits_per_s(rows, capacity, end_ns)
-    own_bps = {node: radio.config.bit_rate_bps for node, radio in capacity.radios.items()}
-    bit_rates_bps = np.array([own_bps.get(node, np.inf) for node in rows.nodes])
-    most = int(np.argmax(received_bps / bit_rates_bps))
-    capacity_bps, is_own = offered.busiest(whole)
-    shared_by: SharedBy = "sender" if is_own else capacity.shared_by
-    return AirAccount(
-        radio=capacity.network,
-        medium=capacity.medium,
-        takes_time=capacity.takes_time,
-        is_shared=shared_by == "all",
-        shared_by=shared_by,
-        packets=len(offered.tx),
-        offered_bps=float(offered.bits_per_s(whole)[0]),
-        capacity_bps=capacity_bps,
-        share=float(offered.shares(whole)[0]),
-        busiest_share=offered.busiest_share(end_ns),
-        is_routed=on_air_ns is not None,
-        use_share=use,
-        wait_p50_s=_number(waits, 0),
-        wait_p95_s=_number(waits, 1),
-        delay_p50_s=_number(delays, 0),
-        delay_p95_s=_number(delays, 1),
-        lost_waiting=int(packets[np.isin(fates, waiting)].sum()),
-        waiting_at_end=int(packets[fates == RUN_ENDED].sum()),
-        lost_overlapping=lost_overlapping,
-        received_most_bps=float(received_bps[most]),
-        received_most_node=rows.nodes[most],
-        received_most_share=float(received_bps[most] / bit_rates_bps[most]),
-        too_long=tuple(too_long_of(rows, capacity)),
-    )
-
-
-def _times(rows: DeliveryRows, whole: Any) -> tuple[Numbers, Numbers, float]:
-    """Quantiles of waits and delays over the run, and the use of the air."""
-    frames, delays = frames_of(rows), delays_of(rows)
-    return frames.waits(whole)[:, 0], delays.over_time(whole)[:, 0], float(frames.use(whole)[0])
+    """The account of a network, of all its rows. Arguments as of `AirTally`."""
+    tally = AirTally(capacity)
+    tally.add(rows)
+    return tally.account(end_ns, on_air_ns)
 
 
 def _number(values: Numbers | None, row: int) -> float | None:

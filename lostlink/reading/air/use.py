@@ -39,6 +39,8 @@ NEEDED: Final = (
     "attempts",
 )
 """Columns that `DeliveryRows` have to have for this."""
+OF_PACKETS: Final = ("tx", "seq", "fate", "length_bytes", "sim_time_ns")
+OF_FRAMES: Final = ("tx", "entered_ns", "started_ns", "ended_ns", "attempts")
 BUSY_NS: Final = 10_000_000_000
 """A network is busiest in a time of so long: a queue that holds more than this is no radio's."""
 TRIED_MAX: Final = 16
@@ -153,6 +155,16 @@ class Offered:
         return np.asarray(sums, dtype=np.float64).reshape(periods, self.sharers)
 
 
+def packet_rows(rows: DeliveryRows) -> DeliveryRows:
+    """A row per packet, fate and length of rows with `NEEDED`, in their order, which `offered_of` takes for all."""
+    c = rows.columns
+    longest = int(c["length_bytes"].max(initial=0)) + 1
+    kinds, kind = np.unique(c["fate"] * longest + c["length_bytes"], return_inverse=True)
+    packet = c["tx"].astype(np.int64) * (int(c["seq"].max(initial=0)) + 1) + c["seq"]
+    _, first = np.unique(packet * len(kinds) + kind, return_index=True)
+    return rows.only(OF_PACKETS).at(np.sort(first))
+
+
 def offered_of(rows: DeliveryRows, capacity: Capacity) -> Offered:
     """What was offered to a network, of rows with `NEEDED`."""
     given = rows.at(~rows.is_gap)
@@ -242,16 +254,21 @@ def _passed(at_ns: Whole, since_ns: Whole, weights: Whole) -> Numbers:
     return np.asarray(at_ns * count - total, dtype=np.float64)
 
 
-def frames_of(rows: DeliveryRows) -> FrameColumns:
-    """The transmissions in rows with `NEEDED`; none if packets take no time."""
+def frame_rows(rows: DeliveryRows) -> DeliveryRows:
+    """A row for each transmission in rows with `NEEDED`, which `frames_of` takes for all of them."""
     c = rows.columns
     sent = np.flatnonzero((c["started_ns"] >= 0) & (c["ended_ns"] > c["started_ns"]))
     key = c["started_ns"][sent] * len(rows.nodes) + c["tx"][sent]
     fewest = np.argsort(c["attempts"][sent], kind="stable")
     _, first = np.unique(key[fewest], return_index=True)
-    first = fewest[first]
+    return rows.only(OF_FRAMES).at(sent[fewest[first]])
+
+
+def frames_of(rows: DeliveryRows) -> FrameColumns:
+    """The transmissions in rows with `NEEDED`; none if packets take no time."""
+    c = frame_rows(rows).columns
     started, ended, entered, attempts = (
-        c[name][sent[first]] for name in ("started_ns", "ended_ns", "entered_ns", "attempts")
+        c[name] for name in ("started_ns", "ended_ns", "entered_ns", "attempts")
     )
     return FrameColumns(
         started, ended, (started - entered) / NS_PER_S, np.maximum(attempts, 1).astype(np.int64)
@@ -290,9 +307,22 @@ def quantiles(place: NDArray[np.intp], values: Numbers, periods: int) -> Numbers
     return found
 
 
-def received_most_bits_per_s(rows: DeliveryRows, capacity: Capacity, end_ns: int) -> Numbers:
-    """Payload that each node received in its busiest `BUSY_NS` of a run, by the time of arrival, shape (nodes,)."""
-    came = rows.at(rows.is_delivered)
+class ReceivedBits(NamedTuple):
+    """Payload that came: when, at which node, and how many bits, exact."""
+
+    arrived_ns: Whole
+    rx: Whole
+    bits: Numbers
+
+    def most_per_s(self, nodes: int, end_ns: int) -> Numbers:
+        """What each node received in its busiest `BUSY_NS` of a run, shape (nodes,)."""
+        return busiest_per_s(self.arrived_ns, self.bits, self.rx, nodes, end_ns)
+
+
+def received_of(rows: DeliveryRows, capacity: Capacity) -> ReceivedBits:
+    """What was received of rows with `NEEDED`, by the time of arrival; what comes to a node at once is added up."""
+    came, nodes = rows.at(rows.is_delivered), len(rows.nodes)
     bits = np.asarray(8.0 * payloads_of(came, capacity), dtype=np.float64)
-    rx = came.columns["rx"].astype(np.int64)
-    return busiest_per_s(came.columns["arrived_ns"], bits, rx, len(rows.nodes), end_ns)
+    keys, place = np.unique(came.columns["arrived_ns"] * nodes + came.columns["rx"], return_inverse=True)
+    sums = np.asarray(np.bincount(place, bits, len(keys)), dtype=np.float64)
+    return ReceivedBits(keys // nodes, keys % nodes, sums)

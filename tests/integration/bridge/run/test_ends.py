@@ -713,6 +713,30 @@ def test_a_router_of_ones_own_that_never_answers_is_told_as_the_radio_with_its_l
     assert re.search(r'mine\.py", line 1[01] in notices\n', log)  # when it was killed
 
 
+@pytest.mark.slow
+@both
+def test_a_radio_that_is_at_a_tick_for_long_is_not_killed_when_the_run_is_interrupted(
+    start_run: StartRun, tmp_path: Path, processes: str
+) -> None:
+    until = "time.monotonic() + 10.0"
+    late = ENDLESS.replace(
+        "while True:\n            pass",
+        f"until = {until}\n        while time.monotonic() < until:\n            pass\n        return []",
+    )
+    (tmp_path / "mine.py").write_text(f"import time\n{late}")
+    routing = f"{{{{class: {tmp_path}/mine.py:EndlessRouting}}}}"
+    radio = f"radio: {{{{preset: disk, medium: {{{{model: airtime}}}}, routing: {routing}}}}}"
+    grace = "from bridge.fleet import many, one; many.ROUTER_GRACE_S = one.ROUTER_GRACE_S = 2.0"
+    scenario = STILL.replace("radio: moon2020", radio)
+    run = start_run("--no-mcap", scenario=scenario, processes=processes, first=grace)
+    run.wait_for("warning: the radio")
+    run.process.send_signal(signal.SIGINT)
+    assert run.finish(60.0) == 128 + signal.SIGINT
+    assert run.summary["ending"] == "interrupted"
+    assert run.summary["may_not_repeat"] == []
+    assert "ends all processes: waits for the radio\n" in run.output.decode()
+
+
 FULL = """\
 from resource import RLIMIT_FSIZE, getrlimit, setrlimit
 setrlimit(RLIMIT_FSIZE, (80_000, getrlimit(RLIMIT_FSIZE)[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from bridge.radio.ledger_file import LEDGER
+from bridge.record.tables import reader
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
@@ -20,6 +22,7 @@ from bridge.scenario.resolve.radio import radio_of
 from lostlink.flight.bins_table import bins_tables
 from lostlink.flight.figure import draw_probability_of_delivery
 from lostlink.flight.summary import TickWatch, Timing, expectation_lines, summarise
+from lostlink.reading.lengths import recorded_payload_bytes
 from lostlink.redecision.redecide import redecide
 from lostlink.redecision.rewrite import write_run
 from tests.unit.bridge.record.runs import RunContent, make_run
@@ -168,6 +171,30 @@ def test_verdict_says_who_had_not_finished(tmp_path: Path) -> None:
     summary = summarise(SCENARIO, RunDirectory(tmp_path), Timing(12.0, 1.0), "duration", ["1"])
     assert summary["verdict"].endswith("; node 1 had not finished")
     assert summary["unfinished"] == ["1"]
+
+
+def test_a_record_is_summed_up_in_parts_as_that_of_many_ua_is_larger_than_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader, "READ_ROWS", 256)
+    scenario = scenario_of("hata-qpsk", [str(number) for number in range(12)])
+    run = RunDirectory(flown(tmp_path / "run", scenario, 150, scale=0.01))
+    summed_up(scenario, run)
+    tracemalloc.start()
+    try:
+        summary = summed_up(scenario, run)
+        radio = radio_of(scenario)
+        assert recorded_payload_bytes(run.path, scenario, radio) == 40
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert summary["air"][0]["packets"] == 12 * 150
+    rows = 12 * 11 * 150
+    assert peak_bytes < 100 * rows
+
+
+def summed_up(scenario: Scenario, run: RunDirectory) -> dict[str, Any]:
+    return summarise(scenario, run, Timing(3.0, 1.0), "duration")
 
 
 @pytest.mark.parametrize("is_finished", [True, False], ids=["Parquet", "journals"])

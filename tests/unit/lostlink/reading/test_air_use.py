@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from bridge.record.tables.deliveries import FATES
 from channel.access.settings.sik import _carried_bps
-from lostlink.reading.air.account import account_of
+from lostlink.reading.air.account import AirTally, account_of
 from lostlink.reading.air.capacity import Capacity, rate_text
 from lostlink.reading.air.too_long import TooLong, remark_of, warnings_of
 from lostlink.reading.air.use import (
@@ -23,10 +24,10 @@ from lostlink.reading.air.use import (
     offered_of,
     payloads_of,
     quantiles,
-    received_most_bits_per_s,
+    received_of,
 )
 from lostlink.reading.rows import LINK, DeliveryRows
-from tests.unit.lostlink.replay.flown import scenario_of
+from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 MS, S = 1_000_000, 1_000_000_000
 NODES = ("0", "1", "2")
@@ -220,14 +221,14 @@ def test_waits_and_delays_are_differences_of_instants() -> None:
 
 def test_what_a_node_receives_is_payload() -> None:
     given = rows({}, {"seq": 1, "sim_time_ns": 3 * S}, {"seq": 2, "fate": "collided"})
-    assert received_most_bits_per_s(given, capacity(IDEAL), 2 * S).tolist() == [0, 8 * 92 / 2, 0]
-    assert received_most_bits_per_s(given, capacity(IDEAL), 4 * S).tolist() == [0, 2 * 8 * 92 / 4, 0]
+    assert received_of(given, capacity(IDEAL)).most_per_s(3, 2 * S).tolist() == [0, 8 * 92 / 2, 0]
+    assert received_of(given, capacity(IDEAL)).most_per_s(3, 4 * S).tolist() == [0, 2 * 8 * 92 / 4, 0]
 
 
 def test_what_waits_is_received_when_it_arrives() -> None:
     """Sent at once, one comes after 1 s and one after 12: never both within 10 s."""
     given = rows({"arrived_ns": S}, {"seq": 1, "arrived_ns": 12 * S})
-    assert received_most_bits_per_s(given, capacity(IDEAL), 20 * S).tolist() == [0, 8 * 92 / 10, 0]
+    assert received_of(given, capacity(IDEAL)).most_per_s(3, 20 * S).tolist() == [0, 8 * 92 / 10, 0]
 
 
 @pytest.mark.parametrize(
@@ -429,3 +430,26 @@ def test_a_node_without_a_slot_takes_none_of_the_time() -> None:
     of_two = capacity('{preset: telemetry-915, medium: {model: tdma, slot_s: 0.05, slots: ["0", "1"]}}')
     assert of_two.packet_s("0", 100) > 0.0
     assert of_two.packet_s("2", 100) == 0.0
+
+
+@pytest.mark.parametrize("radio", [IDEAL, TDMA, CSMA, SIK, AIRTIME])
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_an_account_of_rows_that_come_some_at_a_time_is_that_of_all(
+    tmp_path: Path, radio: str, size: int
+) -> None:
+    def send(number: int) -> list[Sent]:
+        lost = 3 if number == 5 else 0
+        lengths = (40, 120, 5000 if number % 9 == 0 else 60)
+        return [Sent(node, length=length, lost=lost) for node in NODES for length in lengths]
+
+    scenario = scenario_of(radio, NODES)
+    run = flown(tmp_path / "run", scenario, 40, send, scale=0.1)
+    given = DeliveryRows.read(run, NODES, NEEDED).each()
+    tally = AirTally(capacity(radio))
+    for begin in range(0, len(given), size):
+        tally.add(given.at(slice(begin, begin + size)))
+    account = account_of(given, capacity(radio), 2 * S)
+    assert tally.account(2 * S) == account
+    assert account.packets > 200
+    assert account.received_most_bps > 0.0
+    assert account.takes_time == (account.wait_p95_s is not None)

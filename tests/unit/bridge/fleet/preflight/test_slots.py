@@ -81,6 +81,17 @@ def test_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
             held.enter_context(free(2))
 
 
+def test_a_run_whose_own_ports_meet_at_any_slot_is_told_which() -> None:
+    scenario = scenario_of(102).model_copy(update={"processes": "many", "ports": Ports()})
+    with pytest.raises(FleetError) as told, at_free_ports(scenario):
+        pass
+    assert str(told.value).splitlines() == [
+        f"TCP port {6960 + 10 * ua} (autopilot of UA {100 + ua}) is also wanted for MAVLink server of UA {ua}: change "
+        "ports.autopilot in the scenario"
+        for ua in range(2)
+    ]
+
+
 @pytest.mark.slow
 def test_there_are_slots_for_the_studies_of_a_class() -> None:
     studies, lanes, ua = 20, 8, 2

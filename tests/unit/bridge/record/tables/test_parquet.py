@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import time
+import tracemalloc
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bridge.bus.messages import Header, Quaternion, Truth, Vector3
+from bridge.record.tables import reader
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     FATES,
@@ -65,6 +67,25 @@ ROWS = st.lists(
     ),
     max_size=30,
 )
+
+
+def test_a_table_is_read_whole_in_little_more_memory_than_it_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_deliveries(tmp_path, list(fleet_columns(20, 200)), 20)
+    finish_tables(tmp_path)
+    monkeypatch.setattr(reader, "READ_ROWS", 2000)
+    nodes, names = [str(node) for node in range(20)], ("tx", "rx", "fate")
+    read_deliveries(tmp_path, nodes, names)
+    tracemalloc.start()
+    try:
+        found = read_deliveries(tmp_path, nodes, names)
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    whole_bytes = sum(values.nbytes for values in found.values())
+    assert whole_bytes > 1_000_000
+    assert peak_bytes < 1.3 * whole_bytes
 
 
 @settings(deadline=None, max_examples=60)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from resource import RLIMIT_NOFILE, getrlimit, setrlimit
+from socket import socket
 
 import numpy as np
 import pyarrow as pa
@@ -124,3 +126,16 @@ def test_times_that_no_run_has_are_told(tmp_path: Path, tick_ns: int) -> None:
     with pytest.raises(ValueError, match=f"truth.parquet: tick_ns {tick_ns}: has to be from 0"):
         write_mcap(run, tmp_path / "run.mcap", McapSettings())
     assert not (tmp_path / "run.mcap").exists()
+
+
+def test_a_run_of_many_nodes_is_written_where_few_files_may_be_open(tmp_path: Path) -> None:
+    nodes = [str(number) for number in range(40)]
+    run = flown(tmp_path / "run", scenario_of("perfect", nodes), 2, scale=0.01)
+    now, most = getrlimit(RLIMIT_NOFILE)
+    with socket() as probe:
+        setrlimit(RLIMIT_NOFILE, (probe.fileno() + 20, most))
+    try:
+        write_mcap(run, tmp_path / "run.mcap", McapSettings())
+    finally:
+        setrlimit(RLIMIT_NOFILE, (now, most))
+    assert len(read_mcap(tmp_path / "run.mcap").messages) > len(nodes)
