@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from lostlink.study.lanes import DaskLanes, LocalLanes
     from lostlink.study.model import StudyError
     from lostlink.study.scripted import StudyResult, fly_study
+    from lostlink.study.study import Standing
 
 __all__ = [
     "Agent",
@@ -54,6 +55,7 @@ __all__ = [
     "RunOver",
     "RunResult",
     "ScenarioError",
+    "Standing",
     "StudyError",
     "StudyResult",
     "UaClient",
@@ -87,6 +89,7 @@ _PLACES = {
     "RunOver": "bridge.agents.commands",
     "RunResult": "lostlink.flight.scripted",
     "ScenarioError": "bridge.scenario.file",
+    "Standing": "lostlink.study.study",
     "StudyError": "lostlink.study.model",
     "StudyResult": "lostlink.study.scripted",
     "UaClient": "bridge.agents.client",
