@@ -15,6 +15,9 @@ from channel.sensing.sensor import Sensor
 from channel.validity import OutsideValidityError
 from lostlink.plan.start_positions import path_to, places_at_start, start_ned_m
 
+DOES = {"warn": "it goes on with its formula", "fallback": "its fallback has all links"}
+"""What a law off its carrier does; with clamp it is among what is not modelled."""
+
 
 def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
     """Warnings: laws that are not made for their carrier, and places at the start that end a run.
@@ -28,8 +31,8 @@ def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[s
         radios = main if network == MAIN else radios_of(scenario, network=network)
         for radio in radios.values():
             for law in laws_off_carrier(radio.config):
-                if law.outside == "warn":  # with clamp it is among what is not modelled
-                    does = f"it goes on with its formula ({law.key}.outside: warn)"
+                if law.outside in DOES:
+                    does = f"{DOES[law.outside]} ({law.key}.outside: {law.outside})"
                     told[f"radio of network {network}: {law.told}; {does}"] = None
         for line in (*_refused_links(scenario, network, radios), *_refused_sources(scenario, network)):
             told[line] = None
