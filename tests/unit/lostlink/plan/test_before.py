@@ -87,6 +87,18 @@ def test_a_map_of_another_carrier_is_a_mistake_or_warned_of() -> None:
     assert warnings(radio=RADIO | {"frequency_hz": 2.5e9, "propagation": law}) == []
 
 
+def test_emitters_off_the_carrier_of_a_sensors_map_are_warned_of() -> None:
+    law = {"model": "gain-map", "file": str(MAP), "outside": "fallback"}
+    sensor = {"radio": {"preset": "rf-sensor", "propagation": law}}
+    beacon = {"id": "beacon", "kind": "emitter", "frequency_hz": 433.92e6, "power_dbm": 10.0}
+    nodes = [{"id": 0, "sensor": sensor} | STILL, BASE, beacon]
+    [line] = warnings(radio=CLAMPED["radio"], nodes=nodes)
+    assert line == (
+        f"sensor of node 0: emitter beacon is off the carrier of {MAP}: its fallback has the way "
+        "(propagation.outside: fallback)"
+    )
+
+
 def test_shipped_presets_are_not_refused_and_say_it_themselves() -> None:
     for preset in ("moon2020", "hata-qpsk"):
         plan = plan_of(parse_scenario(text(radio={"preset": preset}), "before.json"))
