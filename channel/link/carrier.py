@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from channel.config import RadioConfig
-from channel.validity import RangedVariant
+from channel.propagation import gain_map
+from channel.propagation.gain_map import GainMap
+from channel.validity import OUTSIDE_KEY, RangedVariant
 
 HZ_PER_MHZ = 1e6
 
@@ -17,21 +19,23 @@ class LawOffCarrier(NamedTuple):
     Attributes:
         key: of the radio: propagation, atmosphere or noise.
         model: what it is called.
-        outside: what it does then: refuse, warn or clamp.
+        outside: what it does then: refuse, warn, clamp or, of a gain map, fallback.
         told: all that in words.
+        remedy: what may be done about one that refuses, in words.
     """
 
     key: str
     model: str
     outside: str
     told: str
+    remedy: str
 
 
 def laws_off_carrier(config: RadioConfig) -> Iterator[LawOffCarrier]:
     """Yield the laws of a radio that were not made for its carrier."""
     for key in ("propagation", "atmosphere", "noise"):
         law = getattr(config, key)
-        span_hz = law.frequencies_hz if isinstance(law, RangedVariant) else None
+        span_hz = law.frequencies_hz if isinstance(law, RangedVariant | GainMap) else None
         if span_hz is None or span_hz[0] <= config.frequency_hz <= span_hz[1]:
             continue
         model = str(getattr(law, "model", type(law).__name__))
@@ -39,4 +43,8 @@ def laws_off_carrier(config: RadioConfig) -> Iterator[LawOffCarrier]:
         told = (
             f"{model} is made for {low:g} to {high:g} MHz, and frequency_hz of {config.name} is {own:g} MHz"
         )
-        yield LawOffCarrier(key, model, law.outside, told)
+        if isinstance(law, GainMap):
+            told, remedy = f"{told} ({law.file})", f"take another map; {gain_map.OUTSIDE_KEY}"
+        else:
+            remedy = f"take another model; {OUTSIDE_KEY}"
+        yield LawOffCarrier(key, model, law.outside, told, remedy)

@@ -35,7 +35,7 @@ class ItuAtmosphere(RangedVariant):
     """
 
     model: Literal["itu-r"] = "itu-r"
-    pressure_hpa: float = Field(default=1013.25, gt=0.0, le=1200.0, description="of the air")
+    pressure_hpa: float = Field(default=1013.25, gt=0.0, le=1200.0, description="of the dry air")
     temperature_k: float = Field(default=288.15, gt=150.0, le=350.0)
     water_vapour_g_m3: float = Field(default=7.5, ge=0.0, le=100.0, description="density")
     rain_mm_h: float = Field(default=0.0, ge=0.0, le=300.0, description="rain rate")

@@ -20,7 +20,7 @@ from channel.validity import OutsideValidityError
 Fallback = Annotated[FreeSpace | LogDistance | TwoRay | TwoSlope, Field(discriminator="model")]
 FREQUENCY_SHARE = 0.05
 """By which a map's carrier may differ from the link's."""
-OUTSIDE = "within the map; `outside: fallback` goes on with `fallback`"
+OUTSIDE_KEY = "`outside: fallback` goes on with `fallback`"
 
 
 class GainMap(PathLossModel):
@@ -54,6 +54,14 @@ class GainMap(PathLossModel):
     def _gain_db(self) -> FloatArray:
         return np.where(np.isnan(self._table.gain_db), self.no_path_db, self._table.gain_db)
 
+    @property
+    def frequencies_hz(self) -> tuple[float, float] | None:
+        """The carriers for which the map counts; None: all, as its file says nothing of them."""
+        made_for = self._table.frequency_hz
+        if made_for is None:
+            return None
+        return made_for * (1.0 - FREQUENCY_SHARE), made_for * (1.0 + FREQUENCY_SHARE)
+
     def path_loss_db(self, path: Path) -> FloatArray:
         """Return the loss, dB.
 
@@ -68,11 +76,18 @@ class GainMap(PathLossModel):
         start, end = np.broadcast_arrays(_places(path.position_tx_ned_m), _places(path.position_rx_ned_m))
         there, known_there = self._one_way(start, end)
         back, known_back = self._one_way(end, start)
-        known = (known_there | known_back) & self._has_carrier(path.frequency_hz)
+        has_carrier = self._has_carrier(path.frequency_hz)
+        known = (known_there | known_back) & has_carrier
         if self.outside == "refuse" and not known.all():
+            if self.frequencies_hz is not None and not has_carrier.all():
+                carrier_hz = float(np.broadcast_to(path.frequency_hz, has_carrier.shape)[~has_carrier][0])
+                low_hz, high_hz = self.frequencies_hz
+                allowed = f"{low_hz:g} to {high_hz:g}, the carriers of {self.file}; {OUTSIDE_KEY}"
+                raise OutsideValidityError("frequency_hz", carrier_hz, allowed)
             first = np.argwhere(~known)[0]
             ends = start[tuple(first)].tolist(), end[tuple(first)].tolist()
-            raise OutsideValidityError("place (north, east, height) of the two ends", ends, OUTSIDE)
+            name = "place (north, east, height) of the two ends"
+            raise OutsideValidityError(name, ends, f"within the map; {OUTSIDE_KEY}")
         gain_db = (np.where(known_there, there, 0.0) + np.where(known_back, back, 0.0)) / np.maximum(
             known_there.astype(np.float64) + known_back, 1.0
         )
@@ -81,10 +96,10 @@ class GainMap(PathLossModel):
         return np.where(known, -gain_db, self.fallback.path_loss_db(path))
 
     def _has_carrier(self, frequency_hz: FloatArray | float) -> NDArray[np.bool_]:
-        made_for = self._table.frequency_hz
-        if made_for is None:
+        if self.frequencies_hz is None:
             return np.asarray(True)
-        return np.abs(np.divide(frequency_hz, made_for) - 1.0) <= FREQUENCY_SHARE
+        low_hz, high_hz = self.frequencies_hz
+        return np.greater_equal(frequency_hz, low_hz) & np.less_equal(frequency_hz, high_hz)
 
     def _one_way(self, tx_m: FloatArray, rx_m: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return gains in dB from transmitters of the map, and whether it has them."""

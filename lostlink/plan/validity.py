@@ -11,9 +11,13 @@ from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 from channel.link.carrier import laws_off_carrier
 from channel.link.radio import Radio
+from channel.propagation.gain_map import GainMap
 from channel.sensing.sensor import Sensor
 from channel.validity import OutsideValidityError
 from lostlink.plan.start_positions import path_to, places_at_start, start_ned_m
+
+DOES = {"warn": "it goes on with its formula", "fallback": "its fallback has all links"}
+"""What a law off its carrier does; with clamp it is among what is not modelled."""
 
 
 def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
@@ -28,13 +32,14 @@ def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[s
         radios = main if network == MAIN else radios_of(scenario, network=network)
         for radio in radios.values():
             for law in laws_off_carrier(radio.config):
-                if law.outside == "warn":  # with clamp it is among what is not modelled
-                    does = f"it goes on with its formula ({law.key}.outside: warn)"
+                if law.outside in DOES:
+                    does = f"{DOES[law.outside]} ({law.key}.outside: {law.outside})"
                     told[f"radio of network {network}: {law.told}; {does}"] = None
         for line in (*_refused_links(scenario, network, radios), *_refused_sources(scenario, network)):
             told[line] = None
     yield from told
     yield from _refused_measurements(scenario)
+    yield from _measured_by_fallback(scenario)
 
 
 def _refused_links(scenario: Scenario, network: str, radios: Mapping[str, Radio]) -> Iterator[str]:
@@ -85,6 +90,22 @@ def _refused_measurements(scenario: Scenario) -> Iterator[str]:
             except OutsideValidityError as error:
                 ends = f"towards emitter {emitter.name}, where they are at the start"
                 yield f"sensor of node {node}: {ends}, {error}: its first measurement ends the run"
+                break
+
+
+def _measured_by_fallback(scenario: Scenario) -> Iterator[str]:
+    """The first emitter off the carrier of each sensor's map, where the map has a law to fall back on."""
+    for node, config in sensors_of(scenario).items():
+        sensor, law = Sensor(config), config.radio.propagation
+        if not isinstance(law, GainMap) or law.outside != "fallback" or law.frequencies_hz is None:
+            continue
+        low_hz, high_hz = law.frequencies_hz
+        for emitter in filter(lambda each: sensor.hears(each.frequency_hz), emitters_of(scenario)):
+            if not low_hz <= emitter.frequency_hz <= high_hz:
+                yield (
+                    f"sensor of node {node}: emitter {emitter.name} is off the carrier of {law.file}: its fallback has "
+                    "the way (propagation.outside: fallback)"
+                )
                 break
 
 

@@ -257,7 +257,7 @@ class _Radios:
             refused = [law for law in refused if law.key == "noise"]
         for law in refused:
             key = (*path, law.key) if self._root.at(path).is_mapping else path
-            self.mistakes.append(_told(self._root, key, f"{law.told}: take another model; {OUTSIDE_KEY}"))
+            self.mistakes.append(_told(self._root, key, f"{law.told}: {law.remedy}"))
         return bool(refused)
 
     def _mistake(self, path: Path_, error: PresetError) -> str:

@@ -174,7 +174,7 @@ def test_outside_it_refuses_or_falls_back(tmp_path, tx, rx):
 def test_another_carrier_is_outside(tmp_path):
     write_hdf5(tmp_path / "map.nc4")
     tree = {"frequency_hz": 5.8e9, "propagation": {"model": "gain-map", "file": str(tmp_path / "map.nc4")}}
-    with pytest.raises(OutsideValidityError):
+    with pytest.raises(OutsideValidityError, match=r"frequency_hz = .*2\.2914e\+09 to 2\.5326e\+09"):
         gain_db(Radio(load_radio("perfect", tree)), (0, 0, 20), (100, 0, 30))
 
 

@@ -1,6 +1,7 @@
 """What is known to go wrong before anything flies: laws beyond their validity, and times after the end."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ RADIO = {
     "transmit_power_dbm": 20.0,
     "propagation": {"model": "okumura-hata"},
 }
+MAP = Path(__file__).parents[4] / "sitl_configs/maps/ridge.nc"
 STILL = {"agent": {"type": "still"}}
 BASE = STILL | {"id": "base", "kind": "ground", "place": {"height_m": 30.0}}
 CAR = STILL | {"id": "car", "kind": "ground", "place": {"north_m": 1500.0, "height_m": 2.0}}
@@ -68,6 +70,33 @@ def test_a_law_that_goes_on_beyond_its_carrier_is_warned_of() -> None:
     [line] = warnings(radio=radio)
     assert line.endswith("is 2412 MHz; it goes on with its formula (propagation.outside: warn)")
     assert warnings(**CLAMPED) == []
+
+
+def test_a_map_of_another_carrier_is_a_mistake_or_warned_of() -> None:
+    """Its fallback had all links without a word, and a run that refuses broke off over places within the map."""
+    law = {"model": "gain-map", "file": str(MAP)}
+    made_for = f"gain-map is made for 2291.4 to 2532.6 MHz, and frequency_hz of custom is 5800 MHz ({MAP})"
+    with pytest.raises(ScenarioError, match=r"before\.json:1: radio\.propagation: gain-map") as raised:
+        parse_scenario(text(radio=RADIO | {"frequency_hz": 5.8e9, "propagation": law}), "before.json")
+    assert f"{made_for}: take another map; `outside: fallback`" in str(raised.value)
+    law["outside"] = "fallback"
+    [line] = warnings(radio=RADIO | {"frequency_hz": 5.8e9, "propagation": law})
+    assert line == (
+        f"radio of network main: {made_for}; its fallback has all links (propagation.outside: fallback)"
+    )
+    assert warnings(radio=RADIO | {"frequency_hz": 2.5e9, "propagation": law}) == []
+
+
+def test_emitters_off_the_carrier_of_a_sensors_map_are_warned_of() -> None:
+    law = {"model": "gain-map", "file": str(MAP), "outside": "fallback"}
+    sensor = {"radio": {"preset": "rf-sensor", "propagation": law}}
+    beacon = {"id": "beacon", "kind": "emitter", "frequency_hz": 433.92e6, "power_dbm": 10.0}
+    nodes = [{"id": 0, "sensor": sensor} | STILL, BASE, beacon]
+    [line] = warnings(radio=CLAMPED["radio"], nodes=nodes)
+    assert line == (
+        f"sensor of node 0: emitter beacon is off the carrier of {MAP}: its fallback has the way "
+        "(propagation.outside: fallback)"
+    )
 
 
 def test_shipped_presets_are_not_refused_and_say_it_themselves() -> None:
