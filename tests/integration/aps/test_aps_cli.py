@@ -229,7 +229,8 @@ def test_a_period_of_status_that_is_none_is_refused(period, capsys):
 
 
 @pytest.mark.slow
-async def test_status_as_json_ends_with_ctrl_c_without_a_traceback():
+async def test_status_as_json_ends_with_ctrl_c_without_a_traceback(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # daemons of other tests may be ending
     process = await start("status", "--json", "--period=0.05")
     assert json.loads(await line(process)) is not None
     process.send_signal(signal.SIGINT)
