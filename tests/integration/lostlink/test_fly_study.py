@@ -30,8 +30,14 @@ def study(folder: Path, *seeds: int, **more: Any) -> dict[str, Any]:
 
 
 def workers() -> set[int]:
-    children = psutil.Process().children()
-    return {each.pid for each in children if "lostlink.study.case_process" in each.cmdline()}
+    return {each.pid for each in psutil.Process().children() if is_worker(each)}
+
+
+def is_worker(process: psutil.Process) -> bool:
+    try:
+        return "lostlink.study.case_process" in process.cmdline()
+    except psutil.Error:  # one of another test, which has just ended
+        return False
 
 
 def test_runs_of_a_mapping_fly_once_and_in_processes_that_stay(

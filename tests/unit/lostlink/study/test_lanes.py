@@ -41,6 +41,13 @@ def _works_in(process: psutil.Process, folder: Path) -> bool:
         return False
 
 
+def _is_worker(process: psutil.Process) -> bool:
+    try:
+        return "lostlink.study.case_process" in process.cmdline()
+    except psutil.Error:
+        return False
+
+
 def _leave(lanes: Lanes, case: Path) -> list[psutil.Process]:
     """Leave lanes while a case flies; gives its processes that have not ended."""
     with lanes:
@@ -61,7 +68,7 @@ def test_a_worker_that_is_killed_while_it_has_no_case_costs_none(tmp_path: Path)
             assert [over for over in lanes.fly([case]) if over] == [case]
             assert "plan.json" in (case / "log.txt").read_text()  # it was begun, and has none
             for worker in psutil.Process().children():
-                if "lostlink.study.case_process" in worker.cmdline():
+                if _is_worker(worker):
                     worker.kill()
                     psutil.wait_procs([worker])
 
