@@ -316,7 +316,7 @@ class Fleet:
     async def _let_the_radio_finish(self) -> None:
         """A radio that is at a tick may take as long for it as it may in flight: that it is at work counts as news."""
         told, loop = False, asyncio.get_running_loop()
-        while loop.time() - self._last_tick < max(SILENCE_S, 2 * self._scenario.fdm.stall_timeout_s):
+        while loop.time() - self._last_tick < _owed_s(self._scenario):
             if self._blocked(RADIO_BLOCKED):
                 self._news.set()
                 if not told:
@@ -385,4 +385,8 @@ def patience_of(scenario: Scenario) -> float:
     """How long, in wall time, sim time may stand still: longer than an autopilot may owe its packet."""
     if "external" in scenario.autopilots:
         return float("inf")
+    return _owed_s(scenario)
+
+
+def _owed_s(scenario: Scenario) -> float:
     return max(SILENCE_S, 2 * scenario.fdm.stall_timeout_s)

@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bridge.scenario.document.files import YAML
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import common_radio
+from bridge.scenario.resolve.sensing import emitters_of
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
 from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.flight.summary import networks_of_bins, of_transmissions, shares_draws
+from lostlink.reading.lengths import recorded_payload_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,6 +89,13 @@ def draw_probability_of_delivery(
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)
+
+
+def draw_figure_of(run: Path, scenario: Scenario, summary: dict[str, Any]) -> None:
+    """Draw the figure of a run that is summed up, into its directory; the model's curve is that of its packets."""
+    radio = common_radio(scenario, emitters_of(scenario))
+    payload_bytes = None if radio is None else recorded_payload_bytes(run, scenario, radio)
+    draw_probability_of_delivery(summary, radio, run / FIGURE_FILE, payload_bytes)
 
 
 def draw_measured(axes: Axes, bins: list[dict[str, Any]], spread_color: str = "tab:blue") -> None:

@@ -27,15 +27,12 @@ from bridge.record.tables.every import finish_tables
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.radio import common_radio
-from bridge.scenario.resolve.sensing import emitters_of
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.flight.exits import UNUSABLE, status_of
-from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+from lostlink.flight.figure import draw_figure_of
 from lostlink.flight.signals import ending_signals, heed_signals, leave_terminal
 from lostlink.flight.summary import TickWatch, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
-from lostlink.reading.lengths import recorded_payload_bytes
 
 
 class Watcher(Protocol):
@@ -296,9 +293,7 @@ class Flight:
         write_summary(summary, self.directory)
         if self.scenario.figure and summary["bins"] and ending not in UNJUDGED:
             self._begin("draws the figure")
-            radio, path = common_radio(self.scenario, emitters_of(self.scenario)), self.directory.path
-            payload_bytes = None if radio is None else recorded_payload_bytes(path, self.scenario, radio)
-            draw_probability_of_delivery(summary, radio, path / FIGURE_FILE, payload_bytes)
+            draw_figure_of(self.directory.path, self.scenario, summary)
         if self.scenario.mcap.write:
             self._begin("writes run.mcap")
             self._write_mcap()

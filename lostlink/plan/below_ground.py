@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import MAIN, Aircraft, NodeConfig
-from bridge.scenario.resolve.radio import radios_of
+from bridge.scenario.nodes import Aircraft, NodeConfig
 from channel.config import RadioConfig
 from channel.geometry import MIN_HEIGHT_M
 from channel.link.radio import Radio
@@ -25,15 +24,14 @@ NAMED_MAX = 5
 """So many nodes are named in a warning."""
 
 
-def below_ground(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
+def below_ground(scenario: Scenario, on: Mapping[str, Mapping[str, Radio]]) -> Iterator[str]:
     """Warnings: nodes below the ground, and UA above it, where they are at the start or on their tracks.
 
     Args:
         scenario: what is to be flown.
-        main: radios of each node on the network of that name.
+        on: by network, the radio of each node on it.
     """
-    for network in scenario.network_names:
-        radios = main if network == MAIN else radios_of(scenario, network=network)
+    for network, radios in on.items():
         heights_m: dict[str, dict[str, float]] = {}
         for node in scenario.nodes:
             radio = radios.get(node.node)

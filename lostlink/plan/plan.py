@@ -122,13 +122,14 @@ class RunPlan:
 
 def plan_of(scenario: Scenario) -> RunPlan:
     """The plan of a scenario, whose names are known to be right."""
-    common, radios = radio_of(scenario), radios_of(scenario)
+    on = {network: radios_of(scenario, network=network) for network in scenario.network_names}
+    common, radios = radio_of(scenario), on[MAIN]
     load = offered_load(scenario, radios)
     payload = max((node.payload_bytes for node in load.nodes if node.payload_bytes), default=0)
     config, reach = common.config, reach_of(common, payload)
     rates_bps = config.medium.rates_bps if isinstance(config.medium, TdmaMedium) else ()
     of_slots = {f"{rate_bps:g}": reach_of(common.at_bit_rate(rate_bps), payload) for rate_bps in rates_bps}
-    links = tuple(links_of(scenario, radios))
+    links = tuple(links_of(on))
     missing = [line for each in links for line in unlinked(scenario, each)]
     return RunPlan(
         scenario.name,
@@ -163,8 +164,8 @@ def plan_of(scenario: Scenario) -> RunPlan:
         (
             *_warnings(load, radios),
             *missing,
-            *beyond_validity(scenario, radios),
-            *below_ground(scenario, radios),
+            *beyond_validity(scenario, on),
+            *below_ground(scenario, on),
             *overflows(scenario),
             *rates_that_differ(scenario),
             *too_late(scenario),

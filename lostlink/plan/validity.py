@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from bridge.scenario.model import Scenario
-from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 from channel.link.carrier import laws_off_carrier
@@ -20,16 +19,15 @@ DOES = {"warn": "it goes on with its formula", "fallback": "its fallback has all
 """What a law off its carrier does; with clamp it is among what is not modelled."""
 
 
-def beyond_validity(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[str]:
+def beyond_validity(scenario: Scenario, on: Mapping[str, Mapping[str, Radio]]) -> Iterator[str]:
     """Warnings: laws that are not made for their carrier, and places at the start that end a run.
 
     Args:
         scenario: what is to be flown.
-        main: radios of each node on the network of that name.
+        on: by network, the radio of each node on it.
     """
     told: dict[str, None] = {}
-    for network in scenario.network_names:
-        radios = main if network == MAIN else radios_of(scenario, network=network)
+    for network, radios in on.items():
         for radio in radios.values():
             for law in laws_off_carrier(radio.config):
                 if law.outside in DOES:

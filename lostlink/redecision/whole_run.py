@@ -8,11 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from bridge.run.directory import RunDirectory
-from bridge.scenario.resolve.radio import common_radio
-from bridge.scenario.resolve.sensing import emitters_of
-from lostlink.flight.figure import FIGURE_FILE, draw_probability_of_delivery
+from lostlink.flight.figure import draw_figure_of
 from lostlink.flight.summary import Timing, summarise, write_summary
-from lostlink.reading.lengths import recorded_payload_bytes
 from lostlink.redecision.redecide import Redecision
 from lostlink.redecision.rewrite import OnProgress, check_is_free, write_run
 
@@ -52,7 +49,5 @@ def _written(result: Redecision, directory: Path, on_progress: OnProgress) -> di
     summary = summarise(result.scenario, made, timing, ending, unfinished, error=was.get("error"))
     summary |= {"redecided_from": str(result.run.resolve())}
     write_summary(summary, made)
-    radio = common_radio(result.scenario, emitters_of(result.scenario))
-    payload_bytes = recorded_payload_bytes(made.path, result.scenario, radio) if radio is not None else None
-    draw_probability_of_delivery(summary, radio, made.path / FIGURE_FILE, payload_bytes)
+    draw_figure_of(made.path, result.scenario, summary)
     return summary

@@ -56,21 +56,18 @@ def read_columns(
     run: Path, table: Table, columns: Sequence[str] | None = None, names: Names = AS_TEXT
 ) -> Columns:
     """The columns of a table, whole. Arguments and errors as of `read_batches`."""
-    whole: Columns = {}
-    rows = 0
+    whole, rows = no_rows(table, columns, names), 0
     for batch in read_batches(run, table, columns, names):
-        whole = whole or {name: np.empty(0, values.dtype) for name, values in batch.items()}
         size = len(next(iter(batch.values())))
         for name, values in batch.items():
-            if rows + size > len(
-                whole[name]
-            ):  # a little more each time: whole and parts at once would be twice
+            if rows + size > len(whole[name]):
+                # Grown a little at a time: whole and parts at once would be twice the memory.
                 whole[name].resize(rows + size + rows // GROWS_BY, refcheck=False)
             whole[name][rows : rows + size] = values
         rows += size
     for values in whole.values():
         values.resize(rows, refcheck=False)
-    return whole or no_rows(table, columns, names)
+    return whole
 
 
 def read_arrow(run: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:

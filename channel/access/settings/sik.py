@@ -196,8 +196,8 @@ def _carried_bps(settings: SikSettings, length_bytes: int, senders: int) -> floa
     begin = START_ROUNDS if pair.duty_cycle_percent == NO_LIMIT_PERCENT else LIMITED_START_ROUNDS
     came_within(range(begin))
     least, longest = ROUNDS
-    came, tried = came_within(range(begin, begin + least)), least
-    while came < TRIED and tried < longest:
+    came = tried = 0
+    while not tried or (came < TRIED and tried < longest):
         came += came_within(range(begin + tried, begin + tried + least))
         tried += least
     return 8 * length_bytes * came * NS_PER_S / (tried * round_ns)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, GroundNode
-from bridge.scenario.resolve.radio import radios_of
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.sik import SikMedium
 from channel.link.radio import Radio
@@ -38,15 +37,13 @@ class RadioLinks:
             yield f"{self.network} ({self.radio}): {name}: {', '.join(nodes)}{note}"
 
 
-def links_of(scenario: Scenario, main: Mapping[str, Radio]) -> Iterator[RadioLinks]:
+def links_of(on: Mapping[str, Mapping[str, Radio]]) -> Iterator[RadioLinks]:
     """The links of each network of which the medium has links.
 
     Args:
-        scenario: what is to be flown.
-        main: radios of each node on the network of that name.
+        on: by network, the radio of each node on it.
     """
-    for network in scenario.network_names:
-        radios = main if network == MAIN else radios_of(scenario, network=network)
+    for network, radios in on.items():
         config = next(iter(radios.values())).config
         if isinstance(config.medium, SikMedium | ElrsMedium):
             nodes = config.medium.links(tuple(radios))
