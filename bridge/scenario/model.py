@@ -392,11 +392,6 @@ class Scenario(Part):
         return frozenset(self.autopilot_of(ua) for ua in self.ua)
 
     @property
-    def has_parameters(self) -> bool:
-        """Whether it sets parameters of autopilots."""
-        return bool(self.parameters or any(ua.parameters for ua in self.ua))
-
-    @property
     def autopilots_in_words(self) -> str:
         """Who flies, for people: ``ardupilot, px4``."""
         return ", ".join(sorted(self.autopilots))

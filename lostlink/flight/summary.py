@@ -19,6 +19,7 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.parameters import unknown_parameters
+from lostlink.flight.under_ground import under_ground
 from lostlink.flight.verdict import UNJUDGED, verdict_of
 from lostlink.plan.radios.held import held_back
 from lostlink.reading.air.account import AirAccount, AirTally
@@ -147,7 +148,7 @@ def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[s
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
     told += [event.text for event in reports.events if event.kind == PROCESS_LEFT]
-    return [*told, *unknown_parameters(scenario, run)]
+    return [*told, *unknown_parameters(scenario, run), *under_ground(scenario, run)]
 
 
 def expectation_lines(summary: dict[str, Any]) -> list[str]:

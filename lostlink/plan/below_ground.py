@@ -14,14 +14,13 @@ from channel.link.radio import Radio
 from channel.propagation.terrain import Terrain
 from channel.validity import OutsideValidityError
 from channel.variant import name_of
+from lostlink.plan.named import named
 from lostlink.plan.start_positions import start_ned_m
 
 BELOW_M = 2.0
 """Deeper than what grids of heights are off by."""
 ABOVE_M = 10.0
 """Of a UA, which stands on the ground at first: higher than that, terrain and origin do not go together."""
-NAMED_MAX = 5
-"""So many nodes are named in a warning."""
 
 
 def below_ground(scenario: Scenario, on: Mapping[str, Mapping[str, Radio]]) -> Iterator[str]:
@@ -72,5 +71,4 @@ def _lowest_m(node: NodeConfig, config: RadioConfig) -> float | None:
 
 def _named(heights_m: Mapping[str, float]) -> str:
     worst = sorted(heights_m, key=lambda node: -heights_m[node])
-    named = ", ".join(f"{node} by {heights_m[node]:.0f} m" for node in worst[:NAMED_MAX])
-    return named + (f" and {len(worst) - NAMED_MAX} more" if len(worst) > NAMED_MAX else "")
+    return named([f"{node} by {heights_m[node]:.0f} m" for node in worst])

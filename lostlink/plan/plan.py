@@ -23,6 +23,7 @@ from lostlink.plan.below_ground import below_ground
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.load import NodeLoad, OfferedLoad, offered_load, without_messages
+from lostlink.plan.named import named
 from lostlink.plan.radios.flow import overflows
 from lostlink.plan.radios.held import held_back
 from lostlink.plan.radios.links import RadioLinks, links_of, unlinked
@@ -31,12 +32,11 @@ from lostlink.plan.radios.outages import OutagePlan, outages_of
 from lostlink.plan.radios.reach import Reach, reach_of
 from lostlink.plan.radios.unheard import unheard
 from lostlink.plan.start_positions import start_ned_m
+from lostlink.plan.untaken import untaken
 from lostlink.plan.validity import beyond_validity
 from lostlink.reading.air.capacity import Capacity
 
 AIRTIME_MAX = 1.0
-NAMED_MAX = 5
-"""So many nodes are named in a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +171,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
             *too_late(scenario),
             *held_back(scenario),
             *unheard(scenario),
+            *untaken(scenario),
             *_at_one_home(scenario),
             *_at_one_port(scenario),
         ),
@@ -248,9 +249,8 @@ def _at_one_home(scenario: Scenario) -> Iterator[str]:
         homes[ua.home.north_m, ua.home.east_m].append(ua.node)
     for (north_m, east_m), nodes in homes.items():
         if len(nodes) > 1:
-            more = f" and {len(nodes) - NAMED_MAX} more" if len(nodes) > NAMED_MAX else ""
             yield (
-                f"UA {', '.join(nodes[:NAMED_MAX])}{more} have one home, {north_m:g} m N, {east_m:g} m E: they do not "
+                f"UA {named(nodes)} have one home, {north_m:g} m N, {east_m:g} m E: they do not "
                 "collide, and links between them have the radio's min_distance_m; give each its own, or the group a "
                 "pattern (home: {line: {spacing_m: 10}})"
             )
@@ -259,9 +259,8 @@ def _at_one_home(scenario: Scenario) -> Iterator[str]:
 def _at_one_port(scenario: Scenario) -> Iterator[str]:
     """Ports with which a run would not start."""
     lines = mistakes(ports_of(scenario))
-    more = f"; and {len(lines) - NAMED_MAX} more" if len(lines) > NAMED_MAX else ""
     if lines:
-        yield f"a run would not start: {'; '.join(lines[:NAMED_MAX])}{more}"
+        yield f"a run would not start: {named(lines, between='; ')}"
 
 
 def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:

@@ -29,6 +29,7 @@ from lostlink.flight.console import plain_console
 from lostlink.flight.say import say
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
+from lostlink.plan.untaken import untaken
 from lostlink.view.beside import PORT, NoView, ViewProcess
 
 
@@ -174,15 +175,11 @@ async def _announced(address: str, failures: AsyncIterator[str], *, err: bool) -
 def _flight(scenario: Scenario, dirs: AutopilotDirs, out: Path, *, quiet: bool) -> ShownFlight:
     """A flight that has all it needs, and its directory, which no signal leaves without a summary."""
     preflight(scenario, dirs)
-    _remark(scenario)
+    for line in untaken(scenario):
+        tell(line)
     with signals_held():
         directory = RunDirectory.create(out, scenario.name)
         return ShownFlight(scenario, directory, plain_console(stderr=quiet), quiet=quiet)
-
-
-def _remark(scenario: Scenario) -> None:
-    if scenario.autopilots == {"standin"} and scenario.has_parameters:
-        tell("the stand-in autopilot does not take the scenario's parameters")
 
 
 def _check(*, as_json: bool, digest: bool, control: bool, view: bool, zenoh: bool | None) -> None:

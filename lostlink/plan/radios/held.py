@@ -15,9 +15,8 @@ from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.own_methods import OwnModelError
 from channel.validity import OutsideValidityError
+from lostlink.plan.named import named
 from lostlink.plan.start_positions import Places, path_to, places_at_start
-
-NAMED_MAX = 3
 
 
 def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> Iterator[str]:
@@ -47,10 +46,9 @@ def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> It
 
 
 def _in_words(held: Mapping[str, float], level_dbm: float) -> str:
-    named = [f"{node} ({power_dbm:.4g} dBm)" for node, power_dbm in held.items()][:NAMED_MAX]
-    more = f" and {len(held) - NAMED_MAX} more" if len(held) > NAMED_MAX else ""
+    nodes = named([f"{node} ({power_dbm:.4g} dBm)" for node, power_dbm in held.items()])
     return (
-        f"at the first place of node {', '.join(named)}{more} interferers and emitters that never pause are a carrier "
+        f"at the first place of node {nodes} interferers and emitters that never pause are a carrier "
         f"(from {level_dbm:.4g} dBm on: medium.energy_dbm): a node there waits, and transmits nothing"
     )
 

@@ -101,13 +101,14 @@ class Operator:
 
     def _ask_clock(self, verb: str, number: str = "") -> None:
         assert self._session is not None, "an operator commands after it has joined"
-        inbox: Inbox[zenoh.Reply] = Inbox(self._loop, lambda reply: self._on_clock_answer(verb, reply))
+        asked = f"{verb} {number}".strip()
+        inbox: Inbox[zenoh.Reply] = Inbox(self._loop, lambda reply: self._on_clock_answer(asked, reply))
         key = self._keys.clock_command(verb)
         self._session.query_bytes(key, number.encode(), inbox.push, timeout_s=CLOCK_ANSWER_S)
 
-    def _on_clock_answer(self, verb: str, reply: zenoh.Reply) -> None:
+    def _on_clock_answer(self, asked: str, reply: zenoh.Reply) -> None:
         why = "" if reply.ok is not None or reply.err is None else reply.err.payload.to_string()
-        self._tell("", f"{verb}: refused ({why})" if why else f"{verb}: done")
+        self._tell("", f"{asked}: refused ({why})" if why else f"{asked}: done")
 
     async def close(self) -> None:
         """Leave."""

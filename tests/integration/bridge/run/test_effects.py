@@ -324,6 +324,43 @@ def test_terrain_from_a_file_lies_under_the_scenarios_origin(start_run: StartRun
     assert [row.received_power_dbm for row in rows] == pytest.approx([expected] * len(rows), abs=0.5)
 
 
+SLOPE_M = [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [50.0, 50.0], [50.0, 50.0]]
+SLOPE = (
+    f"{{{{model: terrain, origin_north_m: -200, origin_east_m: -100, spacing_m: 200, heights_m: {SLOPE_M}}}}}"
+)
+
+
+@pytest.mark.parametrize(
+    ("north_m", "agent", "expected"),
+    [
+        (350, "{{type: still}}", ""),
+        (
+            620,
+            "{{type: still}}",
+            "UA 1: up to 5 m below the terrain of the radio of network main, first at 0 s: ",
+        ),
+        pytest.param(
+            580,
+            "{{type: out_and_back, altitude_m: 15, distance_m: 120, speed_mps: 12}}",
+            "UA 1: up to 10 m below the terrain of the radio of network main, first at ",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_ua_below_the_terrain_is_told_of(
+    start_run: StartRun, north_m: int, agent: str, expected: str
+) -> None:
+    """Ground that rises by 50 m from 600 to 800 m north."""
+    scenario = STILL.replace("radio: moon2020", f"radio: {{{{preset: corrected, propagation: {SLOPE}}}}}")
+    scenario = scenario.replace(
+        "{{north_m: 410}}, agent: {{type: still}}", f"{{{{north_m: {north_m}}}}}, agent: {agent}"
+    )
+    run = start_run(scenario=scenario, duration_s=60.0 if "out" in agent else 0.5)
+    assert run.finish() == 0, run.output.decode()
+    told = [line for line in run.summary["warnings"] if "below the terrain" in line]
+    assert told == [] if not expected else told[0].startswith(expected)
+
+
 EDITED_BEFORE_IT_IS_LOADED = """
 from pathlib import Path
 

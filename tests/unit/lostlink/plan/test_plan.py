@@ -352,6 +352,26 @@ def test_ua_with_one_home_are_warned_of() -> None:
     assert many.startswith("UA 0, 1, 2, 3, 4 and 3 more have one home")
 
 
+def test_parameters_that_stand_ins_do_not_take_are_warned_of() -> None:
+    fleet = TEXT.replace("count: 3,", "count: 7, parameters: {WPNAV_SPEED: 500, RTL_ALT: 900},")
+    own = (
+        "UA 0, 1, 2, 3, 4 and 2 more: stand-ins take no parameters (WPNAV_SPEED, RTL_ALT); real autopilots do"
+    )
+    assert own in plan_of(parse_scenario(fleet, "planned.yaml")).warnings
+    real = fleet.replace("count: 7,", "count: 7, autopilot: ardupilot,")
+    common = "parameters: {SIM_SPEEDUP: 1}\n" + fleet
+    told = {
+        text: [
+            line
+            for line in plan_of(parse_scenario(text, "planned.yaml")).warnings
+            if "stand-ins take" in line
+        ]
+        for text in (real, common)
+    }
+    assert told[real] == []
+    assert told[common] == [own, "stand-ins take no parameters (SIM_SPEEDUP); real autopilots do"]
+
+
 def test_ports_with_which_no_run_would_start_are_warned_of() -> None:
     assert plan_with("processes=many", "nodes.1.id=100")["warnings"] == [
         "a run would not start: TCP port 6760 (autopilot of UA 100) is also wanted for MAVLink server of UA 0: change "

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+from types import SimpleNamespace
 from typing import Any
 
 from bridge.bus.clock_commands import read_command
@@ -10,13 +12,14 @@ from lostlink.view.sources.operator import Operator
 
 
 class Asked:
-    """A session that keeps what is asked."""
+    """A session that keeps what is asked, and grants it."""
 
     def __init__(self) -> None:
         self.queries: list[tuple[str, bytes]] = []
 
-    def query_bytes(self, key: str, payload: bytes, *_: Any, **__: Any) -> None:
+    def query_bytes(self, key: str, payload: bytes, on_reply: Any, **_: Any) -> None:
         self.queries.append((key, payload))
+        on_reply(SimpleNamespace(ok=b"", err=None))
 
 
 class Joins:
@@ -33,9 +36,12 @@ class Joins:
 
 async def test_a_speed_goes_out_as_a_run_and_a_record_read_it() -> None:
     asked = Asked()
-    operator = Operator(Joins(asked), lambda _node, _text: None)  # type: ignore[arg-type]
+    told: list[str] = []
+    operator = Operator(Joins(asked), lambda _node, text: told.append(text))  # type: ignore[arg-type]
     await operator.open()
     operator.speed(math.inf)
     operator.speed(2.0)
     assert [payload for _, payload in asked.queries] == [b"max", b"2.0"]
     assert [read_command("speed", payload).number for _, payload in asked.queries] == [math.inf, 2.0]
+    await asyncio.sleep(0)  # answers come by the loop
+    assert told == ["speed max: done", "speed 2.0: done"]

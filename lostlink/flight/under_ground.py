@@ -1,0 +1,57 @@
+"""UA that flew into the ground of their radio's terrain, against which no flight model flies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bridge.record.tables.schema import TableError
+from bridge.run.directory import RunDirectory
+from bridge.scenario.model import Scenario
+from bridge.scenario.resolve.radio import radios_of
+from channel.propagation.terrain import Terrain
+from channel.validity import OutsideValidityError
+from lostlink.plan.below_ground import BELOW_M
+from lostlink.reading.air.use import NS_PER_S
+from lostlink.reading.positions import Floats, places_of
+
+
+def under_ground(scenario: Scenario, run: RunDirectory) -> Iterator[str]:
+    """A warning for each UA that was below the terrain of a radio."""
+    laws = list(_terrains(scenario))
+    if not laws:
+        return
+    try:
+        ticks_ns, places = places_of(run.path, scenario.stations)
+    except (OSError, TableError):
+        return  # why it cannot be read is reported where it should have become Parquet
+    for network, node, law in laws:
+        below_m = _below_m(law, places[node])
+        found = np.flatnonzero(below_m > BELOW_M)
+        if found.size:
+            yield (
+                f"UA {node}: up to {below_m[found].max():.0f} m below the terrain of the radio of network {network}, "
+                f"first at {ticks_ns[found[0]] / NS_PER_S:g} s: nothing of it stops an aircraft, and its antenna "
+                "counted as just above the ground"
+            )
+
+
+def _terrains(scenario: Scenario) -> Iterator[tuple[str, str, Terrain]]:
+    """The terrain under each UA on each network: its name, the UA's, and the law."""
+    uas = {ua.node for ua in scenario.ua}
+    for network in scenario.network_names:
+        for node, radio in radios_of(scenario, network=network).items():
+            if node in uas and isinstance(radio.config.propagation, Terrain):
+                yield network, node, radio.config.propagation
+
+
+def _below_m(law: Terrain, track: Floats) -> Floats:
+    """How far below the ground a UA was, m, less than nothing above it; nan where it has no place, or law no ground."""
+    below_m = np.full(len(track), np.nan)
+    there = np.isfinite(track[:, 0])
+    try:
+        below_m[there] = law.height_m(track[there, 0], track[there, 1]) + track[there, 2]
+    except OutsideValidityError:  # it ended the run
+        return below_m
+    return below_m
