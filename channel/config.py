@@ -19,8 +19,8 @@ from channel.fading.shadowing import (
     NoShadowing,
     OneSidedNormalShadowing,
 )
-from channel.own import own_models
-from channel.own_trials import (
+from channel.own.models import own_models
+from channel.own.trials import (
     ANTENNA,
     BURSTS,
     ERROR,

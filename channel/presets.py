@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from channel.config import RadioConfig
-from channel.own import CLASS_KEY, class_path
+from channel.own.models import CLASS_KEY, class_path
 from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, mistakes_in, problem_of
 from channel.propagation.terrain import Terrain
 from channel.schedule_file import KEY as SCHEDULE_KEY

@@ -49,7 +49,7 @@ from bridge.bus.messages import (
 from bridge.bus.reception import radio_of, signal_of
 from bridge.bus.replies import event_of
 from bridge.bus.session import Sample, Session, SessionError, Stamp
-from bridge.record.input_fields import VERBS
+from bridge.record.inputs.fields import VERBS
 from bridge.record.logged import LoggedValue
 from bridge.run.access import Access, access_of, directory_of
 from bridge.timeouts import COMMAND_QUERY_S, FIRST_STATE_S, RADIO_ANSWER_S

@@ -108,7 +108,7 @@ class Keys:
         return f"{self.prefix}/node/{node}/state"
 
     def command(self, node: str, verb: str) -> str:
-        """Queryable that carries out ``verb``: one of ``bridge.record.input_fields.VERBS``."""
+        """Queryable that carries out ``verb``: one of ``bridge.record.inputs.fields.VERBS``."""
         return f"{self.prefix}/node/{node}/cmd/{verb}"
 
     def mavlink(self, node: str, name: str) -> str:

@@ -21,7 +21,7 @@ from bridge.host.modem_port import ModemPort
 from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import WHOSE, RunEvent
-from bridge.record.input_fields import PACKET_MAX_BYTES, PacketWay
+from bridge.record.inputs.fields import PACKET_MAX_BYTES, PacketWay
 from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every

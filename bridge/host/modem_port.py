@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
 
-from bridge.record.inputs import RecordedInput
+from bridge.record.inputs.file import RecordedInput
 from bridge.record.names import Kind
 
 

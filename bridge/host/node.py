@@ -25,7 +25,7 @@ from bridge.agents.running.runner import AgentRunner
 from bridge.aircraft.body import Body, StatePace
 from bridge.bus.messages import AgentStatus, AircraftState, CommandEvent, CommandGoal
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
-from bridge.record.inputs import PacketWay, RecordedInput
+from bridge.record.inputs.file import PacketWay, RecordedInput
 from bridge.record.logged import LoggedValue
 
 OnReply = Callable[[CommandEvent], object]

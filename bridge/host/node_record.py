@@ -9,7 +9,7 @@ from typing import Any
 from bridge.bus.messages import AgentStatus, AircraftState
 from bridge.record import names
 from bridge.record.events import AGENT_BLOCKED, AGENT_WARNING, OTHER_SYSTEM, Report, RunEvent
-from bridge.record.inputs import InputWriter, RecordedInput, inputs_of
+from bridge.record.inputs.file import InputWriter, RecordedInput, inputs_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import Kind
 from bridge.record.streams import StreamWriter

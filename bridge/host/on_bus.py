@@ -14,7 +14,7 @@ from bridge.bus.session import JSON, Query, Sample, Session, answer, end_of_answ
 from bridge.host.hosted_aircraft import HostedAircraft
 from bridge.host.hosted_node import HostedNode
 from bridge.host.node import ASKED_MAX, ENTERING_MAX, OnReply
-from bridge.record.input_fields import VERBS, PacketWay
+from bridge.record.inputs.fields import VERBS, PacketWay
 from bridge.run.directory import RunDirectory
 
 log = logging.getLogger("host")

@@ -23,8 +23,8 @@ from bridge.radio.settling_watch import SettlingWatch
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
 from bridge.record.events import AGENT_WARNING, RADIO_BLOCKED, Report, transmits_freely
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.packets import encode_packet
-from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter, Gap
 from bridge.record.tables.routes import RouteWriter

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bridge.bus.keys import ALL
-from bridge.record.input_fields import InputError, RecordedInput
+from bridge.record.inputs.fields import InputError, RecordedInput
 from bridge.scenario.model import Scenario
 
 

@@ -17,8 +17,8 @@ from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import ELRS_MODES, Elrs, ElrsSettings
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik import Sik
-from channel.access.media.sik_timing import SikSettings
+from channel.access.media.sik.medium import Sik
+from channel.access.media.sik.timing import SikSettings
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.queue import QueueLimits
 from channel.access.settings.csma import standard_energy_dbm

@@ -18,7 +18,7 @@ from channel.cli.air_command import air
 from channel.cli.fit_command import FitRequest, fit_options, run_fit
 from channel.cli.link_report import link_report, link_text
 from channel.cli.options import BadInput, chosen_radio, radio_options, writing
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.validity import ValidityWarning
 
 

@@ -19,7 +19,7 @@ from channel.network.fates import FateColumns
 from channel.network.instants import NEVER_NS, InstantColumns
 from channel.network.link_world import LinkWorld
 from channel.network.own_classes import told_by_class
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.routing.routed import Routed, RoutingCounts
 from channel.routing.router import HopRouter
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from channel.access.media.medium import AccessMedium
 from channel.checks import ChannelInputError
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.routing.router import HopRouter
 from channel.validity import OutsideValidityError
 from sitl_configs.own_code import is_own, told

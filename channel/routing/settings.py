@@ -9,8 +9,8 @@ from pydantic import BeforeValidator, Field, field_validator
 
 from channel.access.timing import NS_PER_S
 from channel.draws import Draws
-from channel.own import own_models
-from channel.own_methods import Made, Method, Numbers
+from channel.own.methods import Made, Method, Numbers
+from channel.own.models import own_models
 from channel.routing.flood import Flood
 from channel.routing.mesh.mesh import Mesh, MeshNumbers
 from channel.routing.mesh.originator import (

@@ -8,7 +8,7 @@ from typing import Any
 
 from channel.access.packets import AirPacket, Loss
 from channel.checks import is_whole
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.routing.router import Hop, HopRouter, Notice, Onward
 
 _HOPS = "Hops in a list, each to None or another node of the network, delay_ns whole and 0 or more, or a Loss"

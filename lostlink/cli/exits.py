@@ -6,7 +6,7 @@ import sys
 from typing import NoReturn
 
 from lostlink.flight.exits import UNUSABLE
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 
 def fail(text: object, status: int = UNUSABLE) -> NoReturn:

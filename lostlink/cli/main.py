@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from lostlink.flight.exits import OUTPUT_CLOSED
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 COMMANDS = {
     "run": "lostlink.cli.flying.run",

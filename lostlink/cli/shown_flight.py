@@ -12,10 +12,10 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.understudies import understudies_of
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.flight.console import plain_console
 from lostlink.flight.flight import Flight
-from lostlink.flight.progress import Progress
-from lostlink.flight.say import say
+from lostlink.flight.shown.console import plain_console
+from lostlink.flight.shown.progress import Progress
+from lostlink.flight.shown.say import say
 
 
 class ShownFlight(Flight):

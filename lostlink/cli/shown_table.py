@@ -15,7 +15,7 @@ WIDE: Final = 1000
 
 def print_table(table: Table) -> None:
     """Print it to stdout."""
-    from lostlink.flight.console import plain_console  # rich takes its time
+    from lostlink.flight.shown.console import plain_console  # rich takes its time
 
     console = plain_console()
     if not console.is_terminal:

@@ -12,7 +12,7 @@ from bridge.record.digests import digest_line, digests
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
-from lostlink.reading.links import link_counts
+from lostlink.reading.links.counts import link_counts
 
 FROM_LEDGER: Final = frozenset(("links", "bins", "refused", "checks", "unjudged"))
 """Keys that a summary has from `ledger.json`, as they are there."""

@@ -14,7 +14,7 @@ from bridge.scenario.resolve.radio import common_radio
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.link.radio import Radio
 from channel.numbers.intervals import proportion_interval
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.flight.summary import networks_of_bins, of_transmissions, shares_draws
 from lostlink.reading.lengths import recorded_payload_bytes

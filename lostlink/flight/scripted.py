@@ -18,10 +18,10 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario, scenario_from
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
-from lostlink.flight.console import plain_console
 from lostlink.flight.exits import WELL, RunOutcome, status_of
 from lostlink.flight.flight import Flight, Silent, Watcher
-from lostlink.flight.progress import Progress
+from lostlink.flight.shown.console import plain_console
+from lostlink.flight.shown.progress import Progress
 from lostlink.reading.run import Run, load_run
 
 Autopilot = AutopilotName

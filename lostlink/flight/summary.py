@@ -25,8 +25,8 @@ from lostlink.plan.radios.held import held_back
 from lostlink.reading.air.account import AirAccount, AirTally
 from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.air.use import NEEDED, NS_PER_S
-from lostlink.reading.links import link_counts
-from lostlink.reading.routes import on_air_ns
+from lostlink.reading.links.counts import link_counts
+from lostlink.reading.links.routes import on_air_ns
 from lostlink.reading.rows import DeliveryRows
 
 SCHEMA = 3

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bridge.bus.messages import AgentStatus
 from bridge.record import names
 from bridge.record.events import Reports, read_reports
-from bridge.record.input_fields import to_fields
-from bridge.record.inputs import RecordedInput, all_inputs
+from bridge.record.inputs.fields import to_fields
+from bridge.record.inputs.file import RecordedInput, all_inputs
 from bridge.record.logged import LoggedValue, logged_of
 from bridge.record.packets import SentPacket, packets_of
 from bridge.record.provenance import Provenance, read_provenance, version_noted
@@ -33,7 +33,7 @@ from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
-from lostlink.reading.links import link_counts, link_series
+from lostlink.reading.links.counts import link_counts, link_series
 from lostlink.reading.lost_parts import in_words, lost_parts
 from lostlink.reading.moved import scenario_of
 from lostlink.reading.rows import link_rows

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bridge.record.tables.deliveries import FATES, FIGURES, delays_s
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
-from lostlink.reading.links import means
+from lostlink.reading.links.counts import means
 from lostlink.reading.rows import DeliveryRows
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
 from bridge.record.ending import was_cut
-from bridge.record.radio_switches import switches_of
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     TOO_LONG,

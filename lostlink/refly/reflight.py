@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.record.ending import Extent, extent_of
 from bridge.record.events import read_reports, transmits_freely
-from bridge.record.inputs import all_inputs
+from bridge.record.inputs.file import all_inputs
 from bridge.record.names import packets, streams_of
 from bridge.record.packets import packets_of
 from bridge.record.provenance import differences, read_provenance, version_noted

@@ -29,7 +29,7 @@ from bridge.record.events import RunEvent
 from bridge.record.logged import LoggedValue
 from bridge.record.tables.deliveries import INSTANTS, fates_message
 from channel.medium.reception import DELIVERED
-from lostlink.reading.known_links import KnownLinks
+from lostlink.reading.links.known import KnownLinks
 from lostlink.reading.rows import DeliveryRows
 from lostlink.replay.record import TickedRecord
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lostlink.reading.known_links import KnownLinks
+from lostlink.reading.links.known import KnownLinks
 from lostlink.replay.moment import Moment
 from lostlink.replay.record import TickedRecord
 

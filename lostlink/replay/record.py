@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from bridge.radio.picture import LINK_PERIOD_NS
 from bridge.record.events import RunEvent, read_reports
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.provenance import version_noted
-from bridge.record.radio_switches import switches_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.reader import read_columns
 from bridge.record.tables.states import States

@@ -25,8 +25,8 @@ from lostlink.flight.figure import model_curve
 from lostlink.reading.ages import times_of
 from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.lengths import median_payload_bytes, packets_by_length
+from lostlink.reading.links.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.positions import places_of, separation_m
-from lostlink.reading.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.reading.run import Run
 from lostlink.report import packets

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bridge.radio.ledger_file import BINS_OF_PACKETS
 from channel.medium.ledger import BIN_WIDTH_M
 from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies
-from lostlink.reading.links import counts_of
+from lostlink.reading.links.counts import counts_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.report.scales import nice_step, rows_of
 

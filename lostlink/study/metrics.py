@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
-from lostlink.reading.links import counts_of
+from lostlink.reading.links.counts import counts_of
 from lostlink.reading.positions import places_of, separation_m
 from lostlink.reading.rows import link_rows
 from lostlink.reading.run import Run

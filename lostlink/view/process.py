@@ -231,7 +231,7 @@ class Model:
 
     def _make(self) -> ModelCurve:
         from bridge.scenario.resolve.channel import draws_are_shared
-        from channel.own_methods import OwnModelError
+        from channel.own.methods import OwnModelError
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)

@@ -28,7 +28,7 @@ from channel.config import RadioConfig
 from channel.draws import Draws
 from channel.link.carrier import laws_off_carrier
 from channel.link.emitters.disturbance import heard
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.phy.interference import MAX_PULSED
 from channel.preset_errors import mistakes_in
 from channel.presets import PresetError, seen_from

@@ -27,7 +27,7 @@ from bridge.scenario.schema.transform import (
     schemas_of,
 )
 from channel.config import RadioConfig
-from channel.own import CLASS_KEY, takes_own
+from channel.own.models import CLASS_KEY, takes_own
 from channel.presets import preset_names
 from fdm.air.wind import WindConfig, wind_names
 from fdm.model.airframe import airframe_names

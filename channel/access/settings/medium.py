@@ -16,8 +16,8 @@ from channel.access.settings.delay import DelayMedium
 from channel.access.settings.elrs import ElrsMedium
 from channel.access.settings.sik import SikMedium
 from channel.access.settings.tdma import TdmaMedium
-from channel.own import own_models
-from channel.own_methods import Made, Method, Numbers
+from channel.own.methods import Made, Method, Numbers
+from channel.own.models import own_models
 from channel.variant import name_of
 
 METHODS: Final[Mapping[str, Method]] = {

@@ -11,8 +11,8 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik
-from channel.access.media.sik_timing import (
+from channel.access.media.sik.medium import DEFAULT_NETID, LEAST_RADIOS, UNLIMITED_BYTES, Sik
+from channel.access.media.sik.timing import (
     AIR_RATES_KBPS,
     NOMINAL_TICK_NS,
     REAL_TICK_NS,

@@ -8,11 +8,11 @@ from dataclasses import asdict
 import click
 
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.preset_errors import PresetError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import scenario_with, setting_options
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
 

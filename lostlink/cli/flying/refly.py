@@ -21,7 +21,7 @@ from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import px4_option
 from lostlink.compare.output import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.flight.signals import signals_held
 
 if TYPE_CHECKING:

@@ -24,9 +24,9 @@ from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import at_ports, first_slot_option, slot_asked
 from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
 from lostlink.cli.shown_flight import ShownFlight
-from lostlink.flight.bins_table import bins_tables
-from lostlink.flight.console import plain_console
-from lostlink.flight.say import say
+from lostlink.flight.shown.bins_table import bins_tables
+from lostlink.flight.shown.console import plain_console
+from lostlink.flight.shown.say import say
 from lostlink.flight.signals import signals_held
 from lostlink.flight.summary import expectation_lines
 from lostlink.plan.untaken import untaken

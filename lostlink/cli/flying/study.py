@@ -23,8 +23,8 @@ from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
 from lostlink.cli.scenario_options import px4_option
 from lostlink.cli.shown_table import print_table
-from lostlink.flight.console import plain_console
-from lostlink.flight.say import say
+from lostlink.flight.shown.console import plain_console
+from lostlink.flight.shown.say import say
 from lostlink.flight.signals import ending_signals, leave_terminal
 from lostlink.report.scales import plain
 from lostlink.study.lanes import DASK_PATIENCE_S, DaskLanes, Lanes, LocalLanes

@@ -13,7 +13,7 @@ from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import px4_option, scenario_with
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.plan.machine import examine
 
 MISSING = (

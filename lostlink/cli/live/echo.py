@@ -17,7 +17,7 @@ from bridge.bus.session import Sample, SessionError, checked_endpoint, open_clie
 from bridge.run.access import NoAccess, endpoint_of
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail, tell
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 WAITING_MAX = 10_000
 """Samples that may wait for a slow reader of our output; later ones are dropped, and said to be."""

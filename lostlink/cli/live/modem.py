@@ -14,7 +14,7 @@ import click
 
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.run_path import RunPath
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.flight.signals import ending_signals
 
 if TYPE_CHECKING:

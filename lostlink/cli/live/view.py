@@ -18,7 +18,7 @@ from bridge.run.access import RUNS
 from bridge.run.directory import RunDirectory, live_runs
 from lostlink.cli.exits import fail
 from lostlink.cli.run_path import RunPath
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.view.beside import PORT, NoView, check_installed, port_conflict
 
 OVER = "the run was over before it could be looked at: `lostlink view RUN` plays its record"

@@ -13,7 +13,7 @@ from lostlink.cli.exits import fail
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.shown_table import print_table
 from lostlink.compare.output import CompareProgress, as_plain, as_text
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 if TYPE_CHECKING:
     from rich.table import Table

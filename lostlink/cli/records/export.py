@@ -13,7 +13,7 @@ from lostlink.cli.exits import fail, tell
 from lostlink.cli.records.lost import tell_lost
 from lostlink.cli.records.mcap_options import changed, mcap_options
 from lostlink.cli.run_path import RunPath
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 
 @click.command(short_help="Write a run as MCAP or CSV, or the tables of a killed run as Parquet.")

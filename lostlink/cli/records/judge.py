@@ -15,7 +15,7 @@ from lostlink.cli.run_path import RunPath
 from lostlink.expectations.judge import Judgement
 from lostlink.expectations.judge import judge as judge_run
 from lostlink.flight.exits import UNEXPECTED
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 from lostlink.reading.run import load_run
 
 

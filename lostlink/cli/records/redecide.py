@@ -20,7 +20,7 @@ from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import setting_options
 from lostlink.cli.shown_table import print_table
 from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 if TYPE_CHECKING:
     from lostlink.redecision.redecide import Redecision

@@ -22,7 +22,7 @@ from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import tell
 from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.run_path import RunPath
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 if TYPE_CHECKING:
     from lostlink.replay.moment import Moment

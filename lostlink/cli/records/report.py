@@ -15,7 +15,7 @@ from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
 from lostlink.cli.run_path import RunPath
 from lostlink.flight.exits import DISAGREES
-from lostlink.flight.say import say
+from lostlink.flight.shown.say import say
 
 REPORT_FILE = "report.html"
 

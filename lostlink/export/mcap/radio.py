@@ -10,8 +10,8 @@ import numpy as np
 
 from bridge.bus.messages import CommunicationMatrix, Fates, Header, Links, Packet, encode
 from bridge.record import names
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.packets import packets_of
-from bridge.record.radio_switches import switches_of
 from bridge.record.streams import stream_exists
 from bridge.record.tables.deliveries import (
     DELIVERIES,
@@ -25,7 +25,7 @@ from bridge.scenario.model import Scenario
 from lostlink.export.mcap.file import McapFile
 from lostlink.export.mcap.rounding import rounded
 from lostlink.export.mcap.source import FOREVER_NS, Feed, Item, Slices
-from lostlink.reading.known_links import KnownLinks
+from lostlink.reading.links.known import KnownLinks
 
 
 class RadioSource:

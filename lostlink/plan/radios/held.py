@@ -13,7 +13,7 @@ from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.settings.base import Locking
 from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.plan.named import named
 from lostlink.plan.start_positions import Places, path_to, places_at_start

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from bridge.modem.settings import has_transmitter, modem_of
-from bridge.record.radio_switches import switches_of
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.modems import GroundModem
 from bridge.scenario.nodes import MAIN

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bridge.bus.messages import AircraftState
-from lostlink.flight.say import factor_text
+from lostlink.flight.shown.say import factor_text
 from lostlink.view.picture.fleet_view import FleetView, NodeInfo
 
 Rows = list[dict[str, Any]]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bridge.bus.keys import MAIN
 from bridge.record.tables.routes import ROUTES
-from lostlink.reading.routes import Ends, LinkWays, Way, ways_of
+from lostlink.reading.links.routes import Ends, LinkWays, Way, ways_of
 
 PERIOD_S = 1.0
 """How often it is read while a run goes on, by wall time: as often as it is written."""

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
 from bridge.record.digests import stream_digest
-from bridge.record.input_fields import VERBS
-from bridge.record.inputs import InputError, InputWriter, RecordedInput, read_inputs
+from bridge.record.inputs.fields import VERBS
+from bridge.record.inputs.file import InputError, InputWriter, RecordedInput, read_inputs
 from bridge.record.packets import SentPacket, decode_packet, encode_packet
 from bridge.record.streams import (
     MAGIC,

@@ -28,7 +28,7 @@ import pytest
         pytest.param(
             "bridge.record.events", "numpy rosbags pymavlink pydantic zenoh", marks=pytest.mark.slow
         ),
-        pytest.param("bridge.record.inputs", "pymavlink pydantic zenoh", marks=pytest.mark.slow),
+        pytest.param("bridge.record.inputs.file", "pymavlink pydantic zenoh", marks=pytest.mark.slow),
         ("channel.cli.plots", "scipy matplotlib"),
         ("standin.cli", "numpy scipy pydantic bridge.scenario.model"),
     ],

@@ -228,7 +228,7 @@ def _digests_do_not_depend_on_it(tmp_path: Path, scenario: dict[str, Any], resul
 def test_a_killed_run_is_there_up_to_its_last_second(tmp_path: Path, scenario: dict[str, Any]) -> None:
     """What is left after SIGKILL of everything: journals and streams, which `lostlink export --mcap` reads."""
     script = (
-        "import os, signal, sys, threading, yaml\nfrom lostlink.flight.progress import Progress\n"
+        "import os, signal, sys, threading, yaml\nfrom lostlink.flight.shown.progress import Progress\n"
         "from lostlink import fly\n"
         "def message(self, m):\n"
         "    from bridge.bus.messages import Clock\n"

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import bridge.aircraft.aircraft_bridge
-import bridge.record.input_fields
+import bridge.record.inputs.fields
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.links.kinds.called import CalledLink
@@ -160,7 +160,7 @@ def test_commands_to_an_autopilot_that_is_never_heard_time_out() -> None:
 
 
 def test_what_can_be_commanded_over_zenoh_is_what_aps_can_and_the_radio_and_is_said_once() -> None:
-    assert (*VERBS, "radio") == bridge.record.input_fields.VERBS
+    assert (*VERBS, "radio") == bridge.record.inputs.fields.VERBS
 
 
 def frames(*messages: mavlink.MAVLink_message) -> list[Frame]:

@@ -7,7 +7,7 @@ import pytest
 from bridge.bus.keys import Keys
 from bridge.bus.messages import AircraftState, Header, Links, encode
 from bridge.fleet.glance import Glance
-from lostlink.flight.live_table import lately
+from lostlink.flight.shown.live_table import lately
 
 KEYS = Keys("looked-at")
 

@@ -12,7 +12,7 @@ from aps.links.kinds.held import MAX_WRITE_BYTES, HeldLink
 from bridge.endpoints.endpoint import Endpoint
 from bridge.host.modem_devices import AutopilotPort, GroundPort
 from bridge.host.modem_port import ModemPort
-from bridge.record.inputs import RecordedInput
+from bridge.record.inputs.file import RecordedInput
 from bridge.record.names import Kind
 from tests.unit.bridge.modem.frames import heartbeat
 

@@ -31,7 +31,7 @@ from bridge.bus.radio_command import radio_goal
 from bridge.bus.reception import Reception
 from bridge.bus.session import Stamp
 from bridge.host.node import ENTERING_MAX, ENTERING_MAX_BYTES, Node
-from bridge.record.inputs import PacketWay, RecordedInput
+from bridge.record.inputs.file import PacketWay, RecordedInput
 from bridge.record.logged import LoggedValue
 from bridge.scenario.agents import StillAgent
 from bridge.scenario.nodes import Aircraft

@@ -12,7 +12,7 @@ from bridge.bus.messages import AgentStatus, AircraftState, CommandGoal, Header,
 from bridge.host.node_record import NodeRecord
 from bridge.record import names
 from bridge.record.events import AGENT_BLOCKED, AGENT_WARNING, OTHER_SYSTEM, Reports, RunEvent, read_reports
-from bridge.record.inputs import InputError, RecordedInput, read_inputs
+from bridge.record.inputs.file import InputError, RecordedInput, read_inputs
 from bridge.record.logged import LoggedValue, decode_logged
 from bridge.record.streams import Entry, read_stream
 from bridge.record.tables.reader import read_columns

@@ -11,8 +11,8 @@ from bridge.modem.modem import HostBytes
 from bridge.modem.pair import ENDS, ModemPair
 from bridge.modem.radio_status import SikStatus
 from bridge.modem.settings import ModemSettings
-from channel.access.media.sik import Sik
-from channel.access.media.sik_timing import SikSettings
+from channel.access.media.sik.medium import Sik
+from channel.access.media.sik.timing import SikSettings
 from channel.access.packets import AirFate, AirFrame
 from channel.access.world import PlainWorld
 from channel.medium.reception import FATES, Fate

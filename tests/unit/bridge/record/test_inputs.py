@@ -11,7 +11,7 @@ import pytest
 
 from aps.wire.dialect import Encoder, mavlink
 from bridge.bus.messages import CommandGoal
-from bridge.record.inputs import (
+from bridge.record.inputs.file import (
     InputError,
     InputWriter,
     PacketWay,

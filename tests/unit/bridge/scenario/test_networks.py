@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bridge.record.radio_switches import switches_of
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.scenario.file import ScenarioError, parse_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.channel import channel_of

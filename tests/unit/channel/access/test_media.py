@@ -15,7 +15,7 @@ from channel.access.media.csma import Csma, DcfSettings
 from channel.access.media.delay import Delay, DelaySettings, WayDelay
 from channel.access.media.elrs import Elrs
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik import Sik
+from channel.access.media.sik.medium import Sik
 from channel.access.media.tdma import Schedule, Tdma
 from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from channel.access.media.sik import Sik
-from channel.access.media.sik_stream import ByteStream
-from channel.access.media.sik_timing import NOMINAL_TICK_NS, SikSettings, hop_order, sik_timing
+from channel.access.media.sik.medium import Sik
+from channel.access.media.sik.stream import ByteStream
+from channel.access.media.sik.timing import NOMINAL_TICK_NS, SikSettings, hop_order, sik_timing
 from channel.access.packets import AirFate, AirFrame, AirPacket, Loss, Outcome
 from channel.access.queue import QueueLimits
 from channel.access.settings.base import Locking

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from channel.access.air import Hearing
-from channel.access.media.sik import Sik
-from channel.access.media.sik_stream import Passage
-from channel.access.media.sik_timing import NOMINAL_TICK_NS, SikSettings
+from channel.access.media.sik.medium import Sik
+from channel.access.media.sik.stream import Passage
+from channel.access.media.sik.timing import NOMINAL_TICK_NS, SikSettings
 from channel.access.packets import AirFate, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.world import PlainWorld

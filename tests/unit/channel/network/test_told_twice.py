@@ -14,7 +14,7 @@ from channel.medium.medium import Medium
 from channel.medium.reception import Packets
 from channel.network.entry import EntryInstants, EntrySettings
 from channel.network.network import Network
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.presets import radio_from_mapping
 from tests.unit.channel.network.test_band import MS, RADIO, S
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import erfc
 
 from channel import presets
-from channel.access.media.sik_timing import sik_timing
+from channel.access.media.sik.timing import sik_timing
 from channel.checks import ChannelInputError
 from channel.phy import modulation
 from channel.phy.error_model import (

@@ -17,7 +17,7 @@ from channel.access.queue import QueueLimits
 from channel.access.timing import BitRate, wifi_g
 from channel.access.world import PlainWorld
 from channel.draws import Draws
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.routing.flood import Flood
 from channel.routing.routed import Routed
 from channel.routing.router import Forwarding, HopRouter, Notice

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 
 from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.record.events import Report
-from bridge.record.inputs import InputWriter, PacketWay, RecordedInput
+from bridge.record.inputs.file import InputWriter, PacketWay, RecordedInput
 from bridge.record.names import inputs_path, packets, streams_of
 from bridge.record.provenance import AutopilotOrigin, Provenance, collect, write_provenance
 from bridge.record.streams import packed_path

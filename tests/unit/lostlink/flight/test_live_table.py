@@ -9,7 +9,7 @@ from dataclasses import replace
 from rich.console import Console, RenderableType
 
 from bridge.bus.messages import AircraftState, Header, Links
-from lostlink.flight.live_table import LinkNow, links_now, links_table, ua_table
+from lostlink.flight.shown.live_table import LinkNow, links_now, links_table, ua_table
 
 
 def text_of(table: RenderableType) -> list[str]:

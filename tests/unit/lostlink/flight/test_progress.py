@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Header, Links
-from lostlink.flight import progress as module
-from lostlink.flight.progress import Progress
+from lostlink.flight.shown import progress as module
+from lostlink.flight.shown.progress import Progress
 
 S = 1_000_000_000
 

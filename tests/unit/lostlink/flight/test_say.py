@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from rich.table import Table
 
-from lostlink.flight.console import plain_console
-from lostlink.flight.say import say
+from lostlink.flight.shown.console import plain_console
+from lostlink.flight.shown.say import say
 
 
 def test_a_line_has_no_control_characters(capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,8 +19,8 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario, with_changes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
-from lostlink.flight.bins_table import bins_tables
 from lostlink.flight.figure import draw_probability_of_delivery
+from lostlink.flight.shown.bins_table import bins_tables
 from lostlink.flight.summary import TickWatch, Timing, expectation_lines, summarise
 from lostlink.reading.lengths import recorded_payload_bytes
 from lostlink.redecision.redecide import redecide

@@ -10,7 +10,7 @@ import pytest
 
 from bridge.record.tables.deliveries import FATES, DeliveryWriter
 from bridge.record.tables.every import finish_tables
-from lostlink.reading.links import link_counts, link_series
+from lostlink.reading.links.counts import link_counts, link_series
 
 NODES = ("a", "b", "c")
 LOST = ("channel_erasure", "out_of_range")

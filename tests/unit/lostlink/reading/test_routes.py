@@ -9,7 +9,7 @@ import numpy as np
 from bridge.record.tables.deliveries import DELIVERED
 from bridge.record.tables.routes import RouteWriter
 from channel.network.network import RadioRoute
-from lostlink.reading.routes import routes_of, ways_of
+from lostlink.reading.links.routes import routes_of, ways_of
 from lostlink.reading.rows import DeliveryRows
 
 NODES = ("0", "1", "2", "gcs")

@@ -13,7 +13,7 @@ import pytest
 from aps.wire.dialect import Encoder
 from bridge.record.digests import digests
 from bridge.record.events import Report
-from bridge.record.inputs import InputWriter, RecordedInput
+from bridge.record.inputs.file import InputWriter, RecordedInput
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.names import from_autopilot, inputs_path, logged, packets
 from bridge.record.packets import SentPacket, encode_packet

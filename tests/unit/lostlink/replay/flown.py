@@ -19,11 +19,11 @@ from bridge.radio.network_air import NetworkAir, Settled
 from bridge.radio.ring import Ring
 from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
-from bridge.record.inputs import InputWriter, RecordedInput
+from bridge.record.inputs.file import InputWriter, RecordedInput
+from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.logged import LoggedValue, encode_logged
 from bridge.record.pack import pack_streams
 from bridge.record.packets import encode_packet
-from bridge.record.radio_switches import switches_of
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter
 from bridge.record.tables.every import finish_tables

@@ -14,7 +14,7 @@ from channel.medium.reception import FATES, Fate
 from channel.presets import PresetError
 from lostlink.cli.main import lostlink
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "models" / "my_models.py"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "models" / "my_models.py"
 OWN = {
     "shadowing": {"class": f"{EXAMPLE}:Laplacian", "sigma_db": 4.0},
     "fading": {"class": f"{EXAMPLE}:Weibull", "shape": 3.0, "coherence": "block"},

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bridge.bus.radio_command import RADIO, RadioMistake, is_on
-from bridge.record.inputs import RecordedInput, inputs_of
+from bridge.record.inputs.file import RecordedInput, inputs_of
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from channel.medium.stations.switches import Switches

@@ -14,8 +14,8 @@ from functools import partial
 from channel.access.agenda import ACTS
 from channel.access.air import Air, DeafEar, Ear, Hearing
 from channel.access.media.medium import AccessMedium
-from channel.access.media.sik_radio import Burst, SikRadio
-from channel.access.media.sik_timing import SikSettings, hop_order
+from channel.access.media.sik.radio import Burst, SikRadio
+from channel.access.media.sik.timing import SikSettings, hop_order
 from channel.access.packets import AirFrame, AirPacket, Loss
 from channel.access.queue import QueueLimits
 from channel.access.words import WordStream

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from channel.checks import FloatArray
 from channel.geometry import Path, path_at
-from channel.own_methods import LARGEST, Method, Numbers, OwnModelError, real_numbers
+from channel.own.methods import LARGEST, Method, Numbers, OwnModelError, real_numbers
 from channel.phy.error_model import Band
 
 DISTANCES_M: Final = (10.0, 100.0, 1000.0)

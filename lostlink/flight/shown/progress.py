@@ -16,8 +16,8 @@ from rich.text import Text
 from bridge.bus.messages import GROUND_MODE, AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
-from lostlink.flight.live_table import LinkNow, lately, links_now, links_table, ua_table
-from lostlink.flight.say import factor_text, say
+from lostlink.flight.shown.live_table import LinkNow, lately, links_now, links_table, ua_table
+from lostlink.flight.shown.say import factor_text, say
 
 REFRESH_PER_S = 2
 LINE_PERIOD_S = LOG_PERIOD_S

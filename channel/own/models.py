@@ -20,7 +20,7 @@ from pydantic import ValidationError, WrapSerializer, WrapValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from channel.own_methods import Method, OwnModelError, looked_at, tried
+from channel.own.methods import Method, OwnModelError, looked_at, tried
 from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
 from sitl_configs.own_code import load_module, told

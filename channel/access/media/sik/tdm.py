@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple
 
-from channel.access.media.sik_timing import SikTiming
+from channel.access.media.sik.timing import SikTiming
 
 
 class TdmState(IntEnum):

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from bridge.record.input_fields import InputError, PacketWay, RecordedInput, from_fields, to_fields
+from bridge.record.inputs.fields import InputError, PacketWay, RecordedInput, from_fields, to_fields
 from bridge.record.names import INPUT_FOLDER, inputs_path
 
 __all__ = [

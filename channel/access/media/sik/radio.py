@@ -11,9 +11,9 @@ from typing import Final, NamedTuple, Protocol
 
 from channel.access.agenda import ACTS, Agenda, Entry
 from channel.access.air import Receiver
-from channel.access.media.sik_stream import ByteStream, Cut
-from channel.access.media.sik_tdm import OWN, Hopping, Tdm, TdmState, Trailer
-from channel.access.media.sik_timing import (
+from channel.access.media.sik.stream import ByteStream, Cut
+from channel.access.media.sik.tdm import OWN, Hopping, Tdm, TdmState, Trailer
+from channel.access.media.sik.timing import (
     LBT_TICKS,
     LEAST_ROOM_BYTES,
     LINK_TICKS,
@@ -38,7 +38,7 @@ class Burst(NamedTuple):
 
 
 class SikAir(Protocol):
-    """The medium that SiK radios are on (`channel.access.media.sik`)."""
+    """The medium that SiK radios are on (`channel.access.media.sik.medium`)."""
 
     agenda: Agenda
     settings: SikSettings

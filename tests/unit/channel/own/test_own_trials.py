@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
-from channel.own_methods import OwnModelError
+from channel.own.methods import OwnModelError
 from channel.presets import PresetError
 from lostlink.cli.main import lostlink
 

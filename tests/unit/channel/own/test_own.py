@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import yaml
 
-from channel import own, presets
+from channel import presets
 from channel.link.radio import Radio
 from channel.medium.medium import Medium
+from channel.own import models as own
 from channel.presets import PresetError
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "models" / "my_models.py"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "models" / "my_models.py"
 TEXT = """\
 preset: perfect
 propagation: {class: "models/mine.py:Steep", exponent: 5.0}

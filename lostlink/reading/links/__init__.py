@@ -1,0 +1,1 @@
+"""What became of each link's packets, by the record."""
