@@ -33,6 +33,7 @@ from bridge.record.events import Report
 from bridge.record.logged import LoggedValue
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
+from bridge.run.garbage import look_rarely
 from bridge.run.process import log_clock
 from bridge.timeouts import FLUSH_PERIOD_S
 from fdm.exchange.exchange import Exchange
@@ -48,8 +49,6 @@ LOOK_S = 0.01
 """Physics in the event loop looks this often whether an operator has let it go on."""
 IDLE_S = 5.0
 """After so long without a tick it is logged what is waited for."""
-GC_THRESHOLD = 50_000
-"""Frames make many short-lived objects: what Python has by default would look at them every few frames."""
 Tell = Callable[[str, Message], object]
 Go = Callable[[], Coroutine[Any, Any, bool]]
 """Waits for the supervisor; whether it said go."""
@@ -111,7 +110,7 @@ class Program:
                 self._bus.serve(self._hosted.nodes, self._dynamics.exchange, self._paced)
             gc.collect()
             gc.freeze()
-            gc.set_threshold(GC_THRESHOLD)
+            look_rarely()
             self._tell(self._keys.alive(NAME), Header())
             if await self._unless(stop, go()):
                 self._begin()

@@ -9,6 +9,7 @@ import signal
 import sys
 
 from bridge.fleet.children.environment import of_runs
+from bridge.run.garbage import look_rarely
 from lostlink.flight.signals import ending_signals, heed_signals, hold_signals, leave_terminal
 
 FLYING = ("run", "refly")
@@ -18,6 +19,7 @@ PLAIN = {"\u202f": " ", "\u2013": "-", "\u2019": "'", "\u2026": "..."}
 
 def main() -> None:
     """Run the command. One that flies replaces the way it ends by its own, orderly one."""
+    look_rarely()
     _open_what_is_closed()
     _print_what_it_can()
     for number in ending_signals():

@@ -40,6 +40,7 @@ from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.names import as_seen_from
 from bridge.record.provenance import git_commit
 from bridge.run.directory import LOG_FOLDER, RunDirectory
+from bridge.run.garbage import look_rarely
 from bridge.run.whole_file import whole_file
 from bridge.scenario.file import DEFAULT_SCENARIO, read_scenario
 from bridge.scenario.model import Scenario
@@ -363,6 +364,7 @@ def _be_a_case(directory: Path) -> int:
 
 def load_all() -> None:
     """Import what flying and measuring a case imports, and see which lostlink that is, so that no case has to."""
+    look_rarely()
     for name in WARM:
         import_module(name)
     radio_of(read_scenario(DEFAULT_SCENARIO))  # models, installed laws
