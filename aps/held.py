@@ -344,10 +344,10 @@ class HeldDaemon(DaemonBase):
             self.core.link_closed(item.link, self._now_ns)
 
     def _look_at_request(self, msg_id: int) -> None:
-        self._may_not_repeat(msg_id, autopilot_of(self.state.autopilot).unrepeatable)
+        self._may_not_repeat(msg_id, autopilot_of(self.telemetry.autopilot).unrepeatable)
 
     def _look_at_answers(self, frames: Sequence[Frame]) -> None:
-        reasons = autopilot_of(self.state.autopilot).unrepeatable_answers
+        reasons = autopilot_of(self.telemetry.autopilot).unrepeatable_answers
         if reasons and self.has_machine:
             for frame in frames:
                 if frame.msg_id != TIMESYNC or any(frame.payload[:8]):  # tc1 is 0 in a request

@@ -74,6 +74,8 @@ class Telemetry:
         self._unix_at_boot_ms = 0
         self._new_link = False
         self._link_open = True
+        self._told: VehicleState | None = None
+        """The state as last asked for, until something changes it."""
         self._now_ns = 0
         self._wraps_ms = 0
         """What the autopilot's clock of 32 bits has lost by starting anew from 0, every 49.7 days."""
@@ -109,8 +111,10 @@ class Telemetry:
 
     def state(self, now_ns: int) -> VehicleState:
         """The state as known at ``now_ns`` (same monotonic clock as ``update``)."""
+        if self._told is not None and self._told.as_of_ns == now_ns:
+            return self._told
         age_s = math.inf if self._heartbeat_ns is None else (now_ns - self._heartbeat_ns) / NS_PER_S
-        return VehicleState(
+        self._told = VehicleState(
             **self._values,
             as_of_ns=now_ns,
             heard_ns=dict(self._heard_ns),
@@ -119,6 +123,7 @@ class Telemetry:
             airspeed_mps=self._airspeed_mps(),
             flight_time_s=self._flight_ms / 1000.0,
         )
+        return self._told
 
     def update(self, frame: Frame, now_ns: int) -> bool:
         """Take one frame; returns whether it was of a type that feeds the state."""
@@ -134,7 +139,7 @@ class Telemetry:
         if has_floats and (math.inf in fields or -math.inf in fields):
             self.decode_errors += 1
             return True
-        self._now_ns = now_ns
+        self._now_ns, self._told = now_ns, None
         if msg_id == 0:
             self._heartbeat_ns = now_ns
         errors = self.decode_errors
@@ -145,7 +150,7 @@ class Telemetry:
 
     def forget(self) -> None:
         """Forget everything (a new boot of the autopilot): nothing of the old boot is shown as current."""
-        self._values = {"sysid": self.sysid}
+        self._values, self._told = {"sysid": self.sysid}, None
         self._heard_ns.clear()
         self._armed_and_up = self._has_local = self._landed_known = False
         self._flight_ms = 0
@@ -154,10 +159,11 @@ class Telemetry:
     def link_up(self) -> None:
         """There is a new connection: another boot of the autopilot may be at its end, also one that is older."""
         self._new_link = self._link_open = True
+        self._told = None
 
     def link_down(self) -> None:
         """No link leads to the autopilot any more."""
-        self._link_open = False
+        self._link_open, self._told = False, None
 
     def _rebooted(self, time_boot_ms: int) -> None:
         """Forget all but a heartbeat that the new boot has sent before this, its first message with a clock."""

@@ -70,6 +70,21 @@ def test_heartbeat(feed):
     assert not later.connected
 
 
+def test_the_state_of_an_instant_is_made_once_until_something_changes_it(feed):
+    telemetry = feed.telemetry
+    before = feed(heartbeat(mode=4), S)
+    assert telemetry.state(S) is before
+    assert telemetry.state(2 * S).heartbeat_age_s == 1.0
+    assert feed(heartbeat(mode=6), 2 * S).mode == "RTL"
+    assert telemetry.state(2 * S).heartbeat_age_s == 0.0
+    telemetry.link_down()
+    assert not telemetry.state(2 * S).link_open
+    telemetry.link_up()
+    assert telemetry.state(2 * S).link_open
+    telemetry.forget()
+    assert telemetry.state(2 * S).mode == ""
+
+
 def test_position_attitude_velocity(feed):
     feed(mavlink.MAVLink_attitude_message(2000, 0.1, -0.2, 3.0, 0, 0, 0))
     feed(
