@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from functools import partial
 from typing import Any
 
+from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 TRIM_BYTES = 4096
+_HEAD = struct.Struct("<BBBBBBHB")
+_CHECKSUM = struct.Struct("<H")
 
 Message = Any
 """A pymavlink message (the dialect module has no types)."""
@@ -21,7 +25,7 @@ class MavlinkCodec:
 
     def __init__(self, system: int) -> None:
         self.system = system
-        self._sender = dialect.MAVLink(None, system, COMPONENT)
+        self._seq = 0
         self.dropped: Counter[str] = Counter()
         """What came and was no message (``bad_data``, ``unknown_message``), or could not be packed
         (``unpackable``)."""
@@ -51,11 +55,18 @@ class MavlinkCodec:
 
     def pack(self, message: Message) -> bytes:
         """Return the frame of a message; empty if a value is beyond its field's range."""
-        sender = self._sender
+        message._pack = partial(self._frame, message.get_msgId())
         try:
-            frame = bytes(message.pack(sender))
+            frame: bytes = message.pack(None)
         except struct.error:  # physics far out of bounds
             self.dropped["unpackable"] += 1
             return b""
-        sender.seq = (sender.seq + 1) & 0xFF
+        self._seq = (self._seq + 1) & 0xFF
         return frame
+
+    def _frame(self, number: int, _: object, crc_extra: int, payload: bytes, **__: object) -> bytes:
+        """As pymavlink makes the frame of a message of this number, at a quarter of its cost."""
+        kept = payload.rstrip(b"\0") or payload[:1]
+        head = _HEAD.pack(len(kept), 0, 0, self._seq, self.system, COMPONENT, number & 0xFFFF, number >> 16)
+        said = head + kept
+        return b"\xfd" + said + _CHECKSUM.pack(mcrf4xx(said + bytes((crc_extra,))))

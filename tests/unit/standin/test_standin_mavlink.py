@@ -2,6 +2,8 @@
 
 import json
 import math
+import sys
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +20,7 @@ from standin.vehicle.parameters import (
     UnknownParameterError,
 )
 from standin.wire.fdm_link import FdmLink
+from standin.wire.mavlink_codec import MavlinkCodec
 from standin.wire.sensors import parse_sensor_frame
 
 HOME = Location(45.0, 10.0, 100.0)
@@ -36,6 +39,22 @@ def sensor_frame(timestamp_s: float, **changes: Any) -> bytes:
         "no_time_sync": 1,
     }
     return b"\n" + json.dumps(frame | changes, separators=(",", ":")).encode() + b"\n"
+
+
+def calls_of(work: Callable[[], object]) -> int:
+    """How many functions are called by it."""
+    count = 0
+
+    def seen(_: object, event: str, __: object) -> None:
+        nonlocal count
+        count += event.endswith("call")
+
+    sys.setprofile(seen)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return count
 
 
 class Bench:
@@ -1328,3 +1347,19 @@ def test_a_reset_of_the_physics_does_not_stop_the_autopilot(ready: Bench) -> Non
     assert vehicle.sim_time_ns == before_ns
     ready.turn()
     assert vehicle.sim_time_ns == before_ns + 2_500_000
+
+
+def test_frames_are_those_of_pymavlink_for_fewer_calls() -> None:
+    codec, pymavlink = MavlinkCodec(7), dialect.MAVLink(None, 7, 1)
+    for kind in dialect.mavlink_map.values():
+        lengths = zip(kind.fieldtypes, kind.array_lengths, strict=True)
+        by_field = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+        values = [
+            b"x" if field_type == "char" else [1] * by_field[field] if by_field[field] else 1
+            for field, (field_type, _) in zip(kind.fieldnames, lengths, strict=True)
+        ]
+        theirs = kind(*values).pack(pymavlink)
+        pymavlink.seq = (pymavlink.seq + 1) % 256
+        assert codec.pack(kind(*values)) == theirs, kind
+    heartbeat, same = (dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3) for _ in range(2))
+    assert calls_of(lambda: codec.pack(heartbeat)) < 0.8 * calls_of(lambda: same.pack(pymavlink))
