@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.bus.messages import Header, Heard
+from bridge.bus.messages import Header, Heard, Measurements
 from bridge.radio.measurements import as_message
 from bridge.radio.network_air import QueueOfNode, ReplyToNode, Settled
 from bridge.radio.picture import Row
@@ -47,8 +47,8 @@ class Hosts:
             serial = [each for each in settled.serial if self._host_of[each.node] == host]
             if statuses or measured or mine.size or replies or queues or serial:
                 header = Header.at(sim_time_ns, name)
-                share = _share(header, settled, mine, statuses, replies, queues, serial)
-                found[name] = replace(share, measurements=as_message(sim_time_ns, measured))
+                message = as_message(sim_time_ns, measured)
+                found[name] = _share(header, settled, mine, statuses, replies, queues, serial, message)
         return found
 
 
@@ -60,6 +60,7 @@ def _share(
     replies: Sequence[ReplyToNode],
     queues: Sequence[QueueOfNode],
     serial: Sequence[SerialOutput],
+    measurements: Measurements,
 ) -> Heard:
     receptions = settled.receptions
     wanted, row = np.unique(receptions.packet[mine], return_inverse=True)
@@ -72,7 +73,7 @@ def _share(
         [each.seq for each in packets],
         [each.sim_time_ns for each in packets],
         tuple(each.channel for each in packets),
-        np.cumsum(lengths, dtype=np.uint32),
+        [*accumulate(lengths)],
         b"".join(each.payload for each in packets),
         np.array([each.network for each in packets], dtype=np.uint16),
         row.astype(np.uint32),
@@ -94,14 +95,15 @@ def _share(
         [each.length_bytes for each in queues],
         [each.network for each in queues],
         [each.node for each in statuses],
-        np.cumsum([len(each.others) for each in statuses], dtype=np.uint32),
+        [*accumulate(len(each.others) for each in statuses)],
         _joined([each.others for each in statuses], np.uint16),
         _joined([each.delivered for each in statuses], np.bool_),
         [each.node for each in serial],
         [each.at_ns for each in serial],
         [each.network for each in serial],
-        np.cumsum([len(each.data) for each in serial], dtype=np.uint32),
+        [*accumulate(len(each.data) for each in serial)],
         b"".join(each.data for each in serial),
+        measurements,
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import gc
 
 THRESHOLD = 50_000
-"""Imports, files and frames make many objects, few of them garbage that has to be looked for: what Python has by default
-would look every few frames, and a dozen times a second through all that was imported."""
+"""Imports, files and frames make many objects, and little garbage that has to be looked for: Python's default would
+look every few frames, and again and again through all that was imported."""
 
 
 def look_rarely() -> None:

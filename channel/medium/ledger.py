@@ -114,9 +114,10 @@ class Ledger:
         everybody = packets.to == EVERYBODY
         count = len(self.nodes)
         self.sent += np.bincount(packets.tx[everybody], minlength=count)[:, np.newaxis] * self._others
-        some = packets.at(~everybody)
-        row, rx = self._addressees.links(some)
-        np.add.at(self.sent, (some.tx[row], rx), 1)
+        if not everybody.all():
+            some = packets.at(~everybody)
+            row, rx = self._addressees.links(some)
+            np.add.at(self.sent, (some.tx[row], rx), 1)
 
     def settle(self, receptions: Receptions) -> None:
         """Book the fates of packets that were booked out before, in the distance bins, too."""

@@ -130,7 +130,7 @@ class Sensing:
         known = _known(sensors)[sensor] & _known(emitters)[emitter]
         kind = np.where(known, self._kind[sensor, emitter], -1)
         is_on = np.array([each.is_on(self._run, np.array([sim_time_ns]))[0] for each in self.emitters])
-        for index in np.unique(kind[kind >= 0]).tolist():
+        for index in sorted(set(kind[kind >= 0].tolist())):
             rows = np.flatnonzero(kind == index)
             ways = self._ways(self._kinds[index].radio, out, rows, sensors, emitters)
             self._take(self._kinds[index], ways, sim_time_ns, is_on[emitter[rows]], out, rows)

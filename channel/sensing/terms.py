@@ -117,7 +117,7 @@ class SensingTerms:
         carriers_hz, elevations_deg = (
             np.broadcast_to(each, out.shape) for each in (path.frequency_hz, elevation_deg)
         )
-        for carrier_hz in np.unique(carriers_hz).tolist():
+        for carrier_hz in sorted(set(carriers_hz.tolist())):
             rows = np.flatnonzero(carriers_hz == carrier_hz)
             out[rows] = self._fading_at(carrier_hz).gain_db(
                 LinkPlaces(places.word[rows], places.rows[:, rows]),

@@ -97,8 +97,11 @@ def _root_m(run: Run, emitter: str, place_ned_m: Floats, times_s: Floats, nodes:
     config = run.scenario.ua[0]
     sensor = Sensor(sensors_of(run.scenario)[str(config.id)])
     spread = spread_of(sensor, config.agent.options.get("power_sigma_db", 0.0))
+    tracks = [
+        (group["sim_time_s"].to_numpy(), np.stack(group["place_ned_m"].to_list()))
+        for _, group in taken.groupby("node")
+    ]
     for time_s in times_s:
-        known = taken[taken["sim_time_s"] <= time_s + 1e-6]
-        tracks = [np.stack(group["place_ned_m"].to_list()) for _, group in known.groupby("node")]
-        bounds.append(np.sqrt(np.trace(bound_m2(mean_power_of(sensor), spread, place_ned_m, tracks))))
+        known = [places[at_s <= time_s + 1e-6] for at_s, places in tracks]
+        bounds.append(np.sqrt(np.trace(bound_m2(mean_power_of(sensor), spread, place_ned_m, known))))
     return np.array(bounds)

@@ -69,16 +69,9 @@ class TruthWriter:
 
     def append(self, tick_ns: int, states: Sequence[Truth]) -> None:
         """Append the states of a tick."""
-        if not states:
-            return
-        numbers = np.array([_numbers(state) for state in states]).T
-        self._writer.append(
-            len(states),
-            tick_ns=tick_ns,
-            node=np.array([self._places[state.header.frame_id] for state in states]),
-            sim_time_ns=np.array([state.header.stamp.ns for state in states]),
-            **dict(zip(NUMBERS, numbers, strict=True)),
-        )
+        for state in states:
+            node = self._places[state.header.frame_id]
+            self._writer.append_row((tick_ns, node, state.header.stamp.ns, *_numbers(state)))
 
 
 def _numbers(state: Truth) -> tuple[float, ...]:
