@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 
 THRESHOLD = 50_000
@@ -10,5 +11,6 @@ look every few frames, and again and again through all that was imported."""
 
 
 def look_rarely() -> None:
-    """Look for garbage when there are so many new objects; before imports, as these make most."""
+    """Look for garbage when there are so many new objects, and at the end for none; before imports, which make most."""
     gc.set_threshold(THRESHOLD)
+    atexit.register(gc.freeze)  # the interpreter's end would look through everything, several times
