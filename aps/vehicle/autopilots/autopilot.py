@@ -58,6 +58,8 @@ class Manoeuvre:
     """What a refusal without words may mean."""
     rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it refuses what it has acknowledged."""
+    interruption_texts: tuple[str, ...] = ()
+    """Beginnings of texts by which it goes on to something else in a mode of the same name."""
     silent_refusal: str = ""
     """Why it may drop a point of ours in silence; empty where it takes all."""
     speed_remark: str = ""

@@ -27,6 +27,8 @@ OFFBOARD_LEAD_S: Final = 0.5
 SETPOINT_PERIOD_S: Final = 0.25
 """It leaves OFFBOARD when none has come for COM_OF_LOSS_T, 1 s."""
 HOLD: Final = "AUTO.LOITER"
+FAILSAFE_HOLDS: Final = ("Failsafe activated: switching to Hold",)
+"""In AUTO.LOITER its mode stays the same, and what it was to fly to is given up."""
 MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
@@ -135,7 +137,7 @@ class Px4Stack:
             raise Refusal("it flies already: PX4 would take this for a height to climb to")
         nowhere = (math.nan, math.nan, _amsl_m(state, height_m))
         climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), 0.0, 0.0, 0.0, math.nan, *nowhere)
-        return Manoeuvre((climb,), ("AUTO.TAKEOFF", HOLD))
+        return Manoeuvre((climb,), ("AUTO.TAKEOFF", HOLD), interruption_texts=FAILSAFE_HOLDS)
 
     def hold(self, state: VehicleState) -> Manoeuvre:
         """AUTO.LOITER: a copter stops, a plane circles."""
@@ -151,7 +153,12 @@ class Px4Stack:
         speed_mps = -1.0 if target.speed_mps is None else target.speed_mps
         yaw_rad = math.nan if target.yaw_deg is None else math.radians(target.yaw_deg)
         step = _reposition(state, (lat_deg, lon_deg, amsl_m), speed_mps, yaw_rad)
-        return Manoeuvre((step,), (HOLD,), rejection_texts=("Reposition is outside geofence",))
+        return Manoeuvre(
+            (step,),
+            (HOLD,),
+            rejection_texts=("Reposition is outside geofence",),
+            interruption_texts=FAILSAFE_HOLDS,
+        )
 
     def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
         """In OFFBOARD, which it enters while setpoints come, and leaves when they do not come."""
@@ -204,6 +211,7 @@ class Px4Stack:
                 "Orbit radius limit exceeded",
                 "Orbit command rejected",
             ),
+            interruption_texts=FAILSAFE_HOLDS,
         )
 
     def rtl(self, state: VehicleState) -> Manoeuvre:

@@ -57,7 +57,7 @@ class CommandExecution(Execution):
         self._mode_seen = False
         self._armed_seen = False
         self._left_ms: int | None = None
-        self._rejection = ""
+        self._rejection = self._interruption = ""
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -80,6 +80,8 @@ class CommandExecution(Execution):
         self.steps.on_text(text)
         if text.text.startswith(self.plan.rejection_texts):
             self._rejection = text.text
+        if self._accepted_ms is not None and text.text.startswith(self.plan.interruption_texts):
+            self._interruption = text.text
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot, or what it says that it flies to."""
@@ -170,6 +172,8 @@ class CommandExecution(Execution):
                 f"accepted, but not begun within {MODE_TIMEOUT_S:g} s of autopilot time: {state.mode}"
                 + self.steps.latest_words,
             )
+        elif self._interruption:
+            self.end(Outcome.INTERRUPTED, self._interruption)
         elif self._has_left(state):
             self.end(Outcome.INTERRUPTED, f"mode changed to {state.mode}" + self.steps.latest_words)
         elif flown_ms > plan.timeout_s * 1000.0:

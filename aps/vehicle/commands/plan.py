@@ -105,6 +105,8 @@ class CommandPlan:
     """Whether a reboot is its goal."""
     rejection_texts: tuple[str, ...] = ()
     """Beginnings of texts by which the autopilot refuses what it has acknowledged."""
+    interruption_texts: tuple[str, ...] = ()
+    """Beginnings of texts by which it goes on to something else in one of the modes."""
     remark: str = ""
     """Said with the acceptance."""
     stick_mode: str = ""

@@ -117,6 +117,7 @@ def orbit(
         lead_s=way.lead_s,
         stop_messages=way.stop_messages,
         rejection_texts=way.rejection_texts,
+        interruption_texts=way.interruption_texts,
     )
 
 

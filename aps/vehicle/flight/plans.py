@@ -123,6 +123,7 @@ def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
         launches=is_fixed_wing(state),
         refusal_hint=way.refusal_hint,
         rejection_texts=way.rejection_texts,
+        interruption_texts=way.interruption_texts,
     )
 
 

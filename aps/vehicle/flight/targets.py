@@ -103,8 +103,7 @@ def goto(
         checked("speed_mps", speed_mps, 0.1, 200.0)
     if yaw_deg is not None:
         checked("yaw_deg", yaw_deg, -360.0, 360.0)
-    target = Target((lat, lon, height_m), frame, speed_mps, yaw_deg)
-    way = autopilot_of(state.autopilot).goto(state, target)
+    way = autopilot_of(state.autopilot).goto(state, Target((lat, lon, height_m), frame, speed_mps, yaw_deg))
     return CommandPlan(
         "goto",
         way.steps,
@@ -115,6 +114,7 @@ def goto(
         needs_armed=True,
         refusal_hint=way.refusal_hint,
         rejection_texts=way.rejection_texts,
+        interruption_texts=way.interruption_texts,
         target=True,
     )
 

@@ -171,6 +171,27 @@ def test_what_the_navigator_objects_to_is_a_refusal():
     assert (result.outcome, result.reason) == (Outcome.REFUSED, "Reposition is outside geofence")
 
 
+@pytest.mark.parametrize(
+    ("plan", "start", "command"),
+    [
+        (targets.goto(HOVERS, 47.1, 8.0, 20.0), HOVERS, 192),
+        (plans.takeoff(STANDS, 20.0), STANDS, 22),
+    ],
+)
+def test_a_fail_safe_that_holds_interrupts_what_ends_in_hold(plan, start, command):
+    """As at a fence: GF_ACTION 2, PX4's default. The mode was, or would have become, AUTO.LOITER anyway."""
+    flight = Flight(plan, start)
+    flight.execution.on_text(StatusText(2, "Failsafe activated: switching to Hold"))  # of before
+    flight.run(0.1)
+    flight.execution.on_ack(command, ACCEPTED)
+    flight.run(2.0)
+    assert flight.execution.result is None
+    flight.execution.on_text(StatusText(2, "Failsafe activated: switching to Hold"))
+    flight.run(0.1)
+    result = flight.execution.result
+    assert (result.outcome, result.reason) == (Outcome.INTERRUPTED, "Failsafe activated: switching to Hold")
+
+
 def test_a_mission_goes_on_in_the_mode_of_its_last_item():
     start = replace(HOVERS, mission_current=0, mission_total=2)
     flight = Flight(fly.fly(start), start)
