@@ -27,8 +27,10 @@ OFFBOARD_LEAD_S: Final = 0.5
 SETPOINT_PERIOD_S: Final = 0.25
 """It leaves OFFBOARD when none has come for COM_OF_LOSS_T, 1 s."""
 HOLD: Final = "AUTO.LOITER"
-FAILSAFE_HOLDS: Final = ("Failsafe activated: switching to Hold",)
-"""In AUTO.LOITER its mode stays the same, and what it was to fly to is given up."""
+BREACH_HOLDS: Final = ("Failsafe activated: switching to Hold",)
+"""At a fence. In AUTO.LOITER its mode stays the same, and what it was to fly to is given up ..."""
+LOSS_HOLDS: Final = ("GCS connection loss: switching to Hold", "Manual control loss: switching to Hold")
+"""... for these it is not, but a take-off is."""
 MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
@@ -137,7 +139,7 @@ class Px4Stack:
             raise Refusal("it flies already: PX4 would take this for a height to climb to")
         nowhere = (math.nan, math.nan, _amsl_m(state, height_m))
         climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), 0.0, 0.0, 0.0, math.nan, *nowhere)
-        return Manoeuvre((climb,), ("AUTO.TAKEOFF", HOLD), interruption_texts=FAILSAFE_HOLDS)
+        return Manoeuvre((climb,), ("AUTO.TAKEOFF", HOLD), interruption_texts=BREACH_HOLDS + LOSS_HOLDS)
 
     def hold(self, state: VehicleState) -> Manoeuvre:
         """AUTO.LOITER: a copter stops, a plane circles."""
@@ -157,7 +159,7 @@ class Px4Stack:
             (step,),
             (HOLD,),
             rejection_texts=("Reposition is outside geofence",),
-            interruption_texts=FAILSAFE_HOLDS,
+            interruption_texts=BREACH_HOLDS,
         )
 
     def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
@@ -211,7 +213,7 @@ class Px4Stack:
                 "Orbit radius limit exceeded",
                 "Orbit command rejected",
             ),
-            interruption_texts=FAILSAFE_HOLDS,
+            interruption_texts=BREACH_HOLDS,
         )
 
     def rtl(self, state: VehicleState) -> Manoeuvre:

@@ -192,6 +192,20 @@ def test_a_fail_safe_that_holds_interrupts_what_ends_in_hold(plan, start, comman
     assert (result.outcome, result.reason) == (Outcome.INTERRUPTED, "Failsafe activated: switching to Hold")
 
 
+def test_where_a_link_is_lost_a_takeoff_stops_and_a_goto_flies_on():
+    """NAV_DLL_ACT 1, as flown."""
+    said = StatusText(2, "GCS connection loss: switching to Hold")
+    takeoff, goto = Flight(plans.takeoff(STANDS, 20.0), STANDS), Flight(targets.goto(HOVERS, 47.1, 8.0, 20.0))
+    for flight, command in ((takeoff, 22), (goto, 192)):
+        flight.run(0.1)
+        flight.execution.on_ack(command, ACCEPTED)
+        flight.run(2.0)
+        flight.execution.on_text(said)
+        flight.run(0.1)
+    assert takeoff.execution.result.reason == said.text
+    assert goto.execution.result is None
+
+
 def test_a_mission_goes_on_in_the_mode_of_its_last_item():
     start = replace(HOVERS, mission_current=0, mission_total=2)
     flight = Flight(fly.fly(start), start)
