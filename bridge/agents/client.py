@@ -80,7 +80,7 @@ class UaClient(Commands):
     Attributes:
         state: of its aircraft, newest; None until the autopilot knows where it is.
         told: the same, also without a fix: numbers that are not known are nan.
-        warning: what its autopilot last warned of; on board only, and "" before that.
+        warning: what its autopilot last warned of, the gravest of a tick; on board only, and "" before that.
         measurements: what the sensor measured at the tick before, and the newest of each emitter.
     """
 

@@ -172,7 +172,7 @@ class HostedAircraft(HostedNode):
 
     def _autopilot_said(self, text: StatusText) -> None:
         if text.severity <= MAX_REASON_SEVERITY:
-            self.node.arrivals.warning_came(text.text)
+            self.node.arrivals.warning_came(text.text, text.severity)
 
     def modem_counters(self) -> Mapping[str, int]:
         """What its autopilot did not read at serial ports with a modem."""

@@ -44,7 +44,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self._state: AircraftState | None = None
-        self._warning = ""
+        self._warning, self._severity = "", 0
         self._comm_status: LookAtStatus | None = None
         self._measurements: list[Measurement] = []
         self._packets: list[tuple[DeliveredPacket, float, float, Instants]] = []
@@ -56,9 +56,10 @@ class Arrivals:
         """The aircraft's state at the tick."""
         self._state = state
 
-    def warning_came(self, text: str) -> None:
-        """The autopilot warns of something."""
-        self._warning = text
+    def warning_came(self, text: str, severity: int) -> None:
+        """The autopilot warns of something: the gravest counts (MAV_SEVERITY), of equal ones the newest."""
+        if not self._warning or severity <= self._severity:
+            self._warning, self._severity = text, severity
 
     def comm_status_came(self, look: LookAtStatus) -> None:
         """The radio says who was heard."""

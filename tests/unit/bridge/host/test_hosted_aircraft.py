@@ -57,14 +57,15 @@ async def test_an_autopilot_of_another_system_is_told_at_once(tmp_path: Path) ->
     aircraft.close()
 
 
-async def test_the_newest_warning_of_its_autopilot_is_for_its_agent(tmp_path: Path) -> None:
+async def test_the_gravest_warning_of_its_autopilot_is_for_its_agent(tmp_path: Path) -> None:
     scenario, outlets = read_scenario("separation"), Said()
     run = RunDirectory.create(tmp_path, scenario.name)
     run.write(scenario, "tcp/127.0.0.1:1")
     aircraft = HostedAircraft(run, scenario.ua[0], outlets)  # type: ignore[arg-type]
     texts = (
         (3, "PreArm: GPS 1: Bad fix"),
-        (4, "PreArm: Fences enabled, but none selected"),
+        (3, "Found 1 compass (required: 3)"),
+        (4, "No connection to the ground control station"),
         (6, "AHRS: active"),
     )
     mav, vehicle = (
@@ -78,7 +79,7 @@ async def test_the_newest_warning_of_its_autopilot_is_for_its_agent(tmp_path: Pa
     ua = UaClient("0", outlets)  # type: ignore[arg-type]
     for arrival in aircraft.node.arrivals.take():
         arrival(ua)
-    assert ua.warning == "PreArm: Fences enabled, but none selected"
+    assert ua.warning == "Found 1 compass (required: 3)", "of the gravest the newest"
     aircraft.close()
 
 
