@@ -62,8 +62,8 @@ class Manoeuvre:
     """Beginnings of texts by which it goes on to something else in a mode of the same name."""
     silent_refusal: str = ""
     """Why it may drop a point of ours in silence; empty where it takes all."""
-    speed_remark: str = ""
-    """Why points are not flown at a speed that is asked for; empty where they are."""
+    keeps_speed: bool = True
+    """Whether points are flown at a speed that is asked for."""
 
 
 @dataclass(frozen=True, slots=True)

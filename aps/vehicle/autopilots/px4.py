@@ -173,7 +173,7 @@ class Px4Stack:
             lead_s=0.0 if state.mode == "OFFBOARD" else OFFBOARD_LEAD_S,
             longest_period_s=SETPOINT_PERIOD_S,
             stop_messages=self._stop,
-            speed_remark="PX4 flies points in OFFBOARD as fast as MPC_XY_VEL_MAX, whatever speed is asked for",
+            keeps_speed=False,  # in OFFBOARD as fast as MPC_XY_VEL_MAX
         )
 
     def _stop(self, state: VehicleState) -> list[Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from aps.timeouts import MODE_TIMEOUT_S
@@ -173,7 +174,7 @@ def goto_ned(
         down_m: down of the point; negative is up.
         frame: ``origin`` counts from the autopilot's local origin, ``offset`` from where the UA is now, ``body`` from
             there and along its heading of now.
-        speed_mps: over ground; ``None`` leaves the autopilot's own. PX4 has its own in any case.
+        speed_mps: over ground; ``None`` leaves the autopilot's own. With one, PX4 flies there as by ``goto``.
         yaw_deg: heading of the nose; ``None`` as the autopilot likes.
         yaw_rate_dps: rate of turn, instead of a heading.
         within_m: how near to the point counts as there; ``None``: 2.
@@ -183,7 +184,6 @@ def goto_ned(
     """
     autopilot = autopilot_of(state.autopilot)
     way = autopilot.setpoints(state, "goto_ned")
-    _choice("frame", frame, LOCAL_FRAMES)
     yaw = Yaw(yaw_deg, yaw_rate_dps)
     asked = [
         checked(name, value, -1e6, 1e6)
@@ -191,6 +191,8 @@ def goto_ned(
     ]
     goal = _from_origin(state, (asked[0], asked[1], asked[2]), frame)
     radius_m = COPTER_RADIUS_M if within_m is None else _near_m(within_m)
+    if speed_mps is not None and not way.keeps_speed:
+        return _by_place(state, goal, speed_mps, yaw, within_m)
     [speed] = [None] if speed_mps is None else change_speed(state, speed_mps, "ground").steps
 
     def remaining_m(now: VehicleState) -> float:
@@ -209,10 +211,23 @@ def goto_ned(
         setpoint_period_s=min(POINT_PERIOD_S, way.longest_period_s),
         lead_s=way.lead_s,
         stop_messages=lambda now: autopilot.stay_at(now, goal, yaw),
-        beside=None if speed is None or way.speed_remark else speed.message(0),
-        remark="" if speed is None else way.speed_remark,
+        beside=None if speed is None else speed.message(0),
         echo=_echo(state, goal, way.silent_refusal) if way.silent_refusal else None,
     )
+
+
+def _by_place(
+    state: VehicleState, goal: Vector3, speed_mps: float, yaw: Yaw, within_m: float | None
+) -> CommandPlan:
+    """The point by its latitude and longitude: a target that has a speed, where setpoints have none."""
+    if yaw.rate_dps is not None:
+        raise Refusal("this autopilot flies points at a speed with a yaw_deg, and none with a yaw_rate_dps")
+    north, east, down = (there - here for there, here in zip(goal, state.position_ned_m, strict=True))
+    if not all(map(math.isfinite, (north, east, down, state.lat_deg, state.alt_amsl_m))):
+        raise Refusal("where the UA is is not known yet")
+    place = offset_deg(state.lat_deg, state.lon_deg, north, east)
+    plan = goto(state, *place, state.alt_amsl_m - down, speed_mps, yaw.yaw_deg, "amsl", within_m)
+    return replace(plan, verb="goto_ned")
 
 
 def _echo(state: VehicleState, goal: Vector3, why: str) -> Echo:
@@ -236,6 +251,7 @@ def _echo(state: VehicleState, goal: Vector3, why: str) -> Echo:
 
 def _from_origin(state: VehicleState, offset_m: Vector3, frame: str) -> Vector3:
     """A point of one of ``LOCAL_FRAMES`` as metres from the local origin: so it can be repeated while the UA moves."""
+    _choice("frame", frame, LOCAL_FRAMES)
     if frame == "origin":
         return offset_m
     north, east, down = _turned(state, offset_m) if frame == "body" else offset_m

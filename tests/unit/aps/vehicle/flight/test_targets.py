@@ -197,9 +197,21 @@ def test_a_speed_goes_with_the_first_setpoints_of_a_local_point():
         targets.goto_ned(COPTER, *GOAL, speed_mps=0.0)
 
 
-def test_px4_flies_local_points_at_its_own_speed_and_says_so():
-    plan = targets.goto_ned(replace(COPTER, autopilot=mavlink.MAV_AUTOPILOT_PX4), *GOAL, speed_mps=12.0)
-    assert (plan.beside, plan.remark[:50]) == (None, "PX4 flies points in OFFBOARD as fast as MPC_XY_VEL")
+def test_a_local_point_with_a_speed_is_a_reposition_of_px4():
+    """In OFFBOARD it flies as fast as MPC_XY_VEL_MAX."""
+    state = replace(COPTER, autopilot=mavlink.MAV_AUTOPILOT_PX4)
+    (sent,) = Flight(targets.goto_ned(state, 110.0, 20.0, -30.0, speed_mps=4.0, yaw_deg=90.0), state).after(
+        0.0
+    )
+    assert (sent.command, sent.param1, sent.z) == (192, 4.0, 430.0)
+    assert sent.param4 == pytest.approx(math.pi / 2)
+    north, east = offset_deg(47.0, 8.0, 100.0, 0.0)
+    assert (sent.x, sent.y) == (round(north * 1e7), round(east * 1e7))
+    with pytest.raises(Refusal, match="yaw_rate_dps"):
+        targets.goto_ned(state, *GOAL, speed_mps=4.0, yaw_rate_dps=10.0)
+    with pytest.raises(Refusal, match="not known yet"):
+        targets.goto_ned(replace(state, lat_deg=math.nan), *GOAL, speed_mps=4.0)
+    assert targets.goto_ned(state, *GOAL).setpoint is not None
 
 
 def test_a_local_point_from_nowhere_is_refused():
