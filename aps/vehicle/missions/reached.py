@@ -33,7 +33,7 @@ class ReachedItems:
     def take(self, now: VehicleState) -> bool:
         """Return whether an item was reached in the flight."""
         at_ns = _reached_ns(now)
-        self._is_stale &= now.mission_current >= now.mission_total and at_ns == self._started_ns
+        self._is_stale &= _repeats_last(now) and at_ns == self._started_ns
         is_new = at_ns > self._before_ns and not self._is_stale
         if self.last_ns is None and is_new and now.mission_reached == now.mission_total:
             self.last_ns = at_ns

@@ -302,6 +302,24 @@ def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     assert flight.execution.result.reached
 
 
+@pytest.mark.parametrize("mode", ["AUTO.MISSION", "AUTO.LOITER"])
+def test_a_mission_flown_again_from_its_first_item_is_not_done_at_once(mode):
+    """With the number of the item that it is set to, PX4 says once more that it has reached the last one."""
+    start = replace(
+        HOVERS, mode=mode, mission_current=3, mission_total=3, mission_reached=3, heard_ns={46: 1 * S}
+    )
+    flight = Flight(fly.fly(start, 0), start)
+    flight.run(0.2)
+    flight.run(0.2, mission_current=0, heard_ns={46: 2 * S})
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(1.0, mode="AUTO.MISSION", heard_ns={0: 3 * S, 46: 2 * S})
+    assert flight.execution.result is None
+    flight.run(1.0, mission_current=3, mission_reached=2, heard_ns={0: 4 * S, 46: 4 * S})
+    assert flight.execution.result is None
+    flight.run(0.1, mission_reached=3, heard_ns={0: 5 * S, 46: 5 * S})
+    assert flight.execution.result.reached
+
+
 def test_a_mission_that_px4_still_looks_at_is_asked_for_again():
     """A try each quarter of a second, for a second; then the reasons of the last rejection count."""
     flight = CommandExecution(fly.fly(replace(HOVERS, mission_current=0, mission_total=2)))
