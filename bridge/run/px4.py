@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import lzma
 import os
 import shutil
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 HOME_VARIABLE = "PX4_HOME"
@@ -40,3 +43,14 @@ def px4_events_file(binary: Path) -> Path | None:
     """What PX4's events mean, as its build describes them; None: it does not."""
     file = etc_of(binary) / "extras" / "all_events.json.xz"
     return file if file.is_file() else None
+
+
+@cache
+def whole_parameters(binary: Path) -> frozenset[str]:
+    """Names of its parameters that are whole numbers, as its build describes them; empty: it does not."""
+    file = etc_of(binary) / "extras" / "parameters.json.xz"
+    try:
+        listed = json.loads(lzma.decompress(file.read_bytes()))["parameters"]
+        return frozenset(one["name"] for one in listed if one["type"] == "Int32")
+    except (OSError, lzma.LZMAError, ValueError, KeyError, TypeError):
+        return frozenset()

@@ -11,7 +11,7 @@ from pathlib import Path
 from bridge.fleet.autopilots.launcher import AutopilotError, Launcher, LaunchPlan
 from bridge.fleet.children.child import ProcessSpec
 from bridge.record.provenance import AutopilotOrigin, px4_origin
-from bridge.run.px4 import HOME_VARIABLE, etc_of, find_px4, px4_places
+from bridge.run.px4 import HOME_VARIABLE, etc_of, find_px4, px4_places, whole_parameters
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import Aircraft
 from bridge.scenario.resolve.flight import airframe_of
@@ -45,11 +45,19 @@ class Px4(Launcher):
                 f"UA {ua.id}: airframe {ua.airframe} has no section px4: PX4 cannot fly it "
                 "(docs/how-to/px4.md shows how to write one)"
             )
-        self.binary()
+        binary = self.binary()
         if scenario.instance(ua) > INSTANCE_MAX:
             raise AutopilotError(
                 f"UA {ua.id} would be PX4's instance {scenario.instance(ua)}, beyond {INSTANCE_MAX}, where ports of "
                 "others begin: lower ports.first_slot (--first-slot)"
+            )
+        fractions = {
+            name: value for name, value in (scenario.parameters | ua.parameters).items() if value % 1
+        }
+        for name in sorted(fractions.keys() & whole_parameters(binary) if fractions else ()):
+            raise AutopilotError(
+                f"UA {ua.id}: parameters.{name} is {fractions[name]:g}, and of PX4 a whole number: it would be "
+                f"{int(fractions[name])}"
             )
 
     def origin(self, ua: Aircraft) -> AutopilotOrigin:  # noqa: ARG002

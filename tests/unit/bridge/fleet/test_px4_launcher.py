@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import lzma
 import re
 import signal
+from contextlib import nullcontext
 from pathlib import Path
 from shutil import copytree
 
@@ -110,6 +113,22 @@ def test_an_airframe_that_px4_does_not_know_is_refused(tmp_path: Path, px4_home:
     scenario = parse_scenario(SEPARATION.replace("airframe: f450", f"airframe: {file}", 1), "my.yaml")
     with pytest.raises(AutopilotError, match="has no section px4"):
         Px4({"PX4_HOME": str(px4_home)}).check(scenario, scenario.ua[0])
+
+
+def test_a_fraction_for_what_px4_has_as_a_whole_number_is_refused(px4_home: Path) -> None:
+    """Its shell would take GF_ACTION 2.5 for 2 without a word."""
+    listed = [{"name": "GF_ACTION", "type": "Int32"}, {"name": "MPC_XY_CRUISE", "type": "Float"}]
+    extras = px4_home / "build" / "px4_sitl_default" / "etc" / "extras"
+    (extras / "parameters.json.xz").write_bytes(lzma.compress(json.dumps({"parameters": listed}).encode()))
+    px4 = Px4({"PX4_HOME": str(px4_home)})
+    for values, reason in (
+        ("GF_ACTION: 2", ""),
+        ("MPC_XY_CRUISE: 2.5", ""),
+        ("GF_ACTION: 2.5", "would be 2"),
+    ):
+        scenario = scenario_of(f"parameters: {{{values}}}\n")
+        with pytest.raises(AutopilotError, match=reason) if reason else nullcontext():
+            px4.check(scenario, scenario.ua[0])
 
 
 def test_without_a_px4_the_places_are_told() -> None:
