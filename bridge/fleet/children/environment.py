@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bridge.run.px4 import HOME_VARIABLE
+
 HWCAPS = "glibc.cpu.hwcaps"
 NO_FUSED_MATHS = ",".join(
     f"-{name}{usable}" for name in ("AVX2", "FMA", "FMA4", "AVX", "AVX512F") for usable in ("", "_Usable")
@@ -22,10 +24,15 @@ def environment_of(ours: Mapping[str, str]) -> dict[str, str]:
     - ``PYTHONHASHSEED``: sets of texts have one order in every run.
     - ``OPENBLAS_NUM_THREADS``: no sum depends on the number of cores.
     - ``GLIBC_TUNABLES``: no number depends on the CPU's vector instructions; what else it tunes is kept.
-    - ``PX4_*`` and the like are left out: another host for the simulation, another model, other timeouts.
+    - ``PX4_*`` and the like are left out: another host for the simulation, another model, other timeouts. PX4_HOME
+      is ours: runs of a study look for PX4 there.
     """
-    kept = {name: value for name, value in ours.items() if not name.startswith("PX4_") and name not in OF_PX4}
+    kept = {name: value for name, value in ours.items() if name == HOME_VARIABLE or not _is_of_px4(name)}
     return {**kept, **of_runs(ours)}
+
+
+def _is_of_px4(name: str) -> bool:
+    return name.startswith("PX4_") or name in OF_PX4
 
 
 def has_environment(ours: Mapping[str, str]) -> bool:

@@ -37,6 +37,11 @@ async def test_what_the_shell_has_for_px4_does_not_reach_it(
     assert name not in found
 
 
+def test_where_px4_is_reaches_the_runs_of_a_study() -> None:
+    kept = environment_of({"PX4_HOME": "/there", "PX4_HOME_LAT": "47.0"})
+    assert (kept["PX4_HOME"], kept.keys() & {"PX4_HOME_LAT"}) == ("/there", set())
+
+
 SINES = (
     "import hashlib, math, struct; values = [math.sin(0.37 * n) * math.exp(1e-4 * n) for n in range(100000)]; "
     "print(hashlib.sha256(struct.pack('<100000d', *values)).hexdigest())"

@@ -69,7 +69,7 @@ def test_it_plays_with_its_words_its_log_and_one_file(tmp_path: Path, least: int
         print(writer, open(reader).read())
         print(understudy.wait(), understudy.returncode)
         """,
-        PX4_HOME="/somewhere",
+        PX4_SIM_MODEL="/somewhere",
     )
     told, status = done.stdout.splitlines()
     number, _, rest = told.partition(" ")
@@ -77,7 +77,7 @@ def test_it_plays_with_its_words_its_log_and_one_file(tmp_path: Path, least: int
     assert said["words"] == ["--to", number]
     assert said["session"]
     assert said["input"] == ""
-    assert "PX4_HOME" not in said["environment"]
+    assert "PX4_SIM_MODEL" not in said["environment"]
     assert set(said["files"]) <= {"0", "1", "2", "3", "4", number}  # those of looking at them are two
     assert status == "7 7"
     assert (tmp_path / "log").read_text() == "played\n"
