@@ -69,3 +69,8 @@ def bounds(at_least: float | None, at_most: float | None, unit: str = "") -> str
 def when(between_s: Interval | None) -> list[str]:
     """An interval in words; none for all of the run."""
     return [] if between_s is None else [f"from {between_s[0]:g} to {between_s[1]:g} s"]
+
+
+def by_radio(radio: str | None) -> list[str]:
+    """A radio network in words; none for all of them."""
+    return [] if radio is None else [f"by {radio}"]

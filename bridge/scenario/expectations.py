@@ -13,6 +13,7 @@ from bridge.scenario.expectation_parts import (
     Nodes,
     Share,
     bounds,
+    by_radio,
     check_bounds,
     when,
 )
@@ -36,6 +37,7 @@ class DeliveryExpectation(ExpectationPart):
 
     Attributes:
         from_, to: ids of the nodes; all unless given.
+        radio: name of the radio network by which they were sent; all together unless given.
         distance_m: only packets whose ends were so far apart, from and to.
         between_s: only packets sent in that interval of sim time.
         each_link: the worst of the links counts, not all of them together.
@@ -45,6 +47,7 @@ class DeliveryExpectation(ExpectationPart):
     type: Literal["delivery"]
     from_: Annotated[NodeId | None, Field(alias="from")] = None
     to: NodeId | None = None
+    radio: str | None = None
     distance_m: Interval | None = None
     between_s: Interval | None = None
     each_link: bool = False
@@ -68,7 +71,7 @@ class DeliveryExpectation(ExpectationPart):
     @property
     def title(self) -> str:
         """What reports call it."""
-        parts = [f"delivery {self.from_ or 'all'} to {self.to or 'all'}"]
+        parts = [f"delivery {self.from_ or 'all'} to {self.to or 'all'}", *by_radio(self.radio)]
         if self.each_link:
             parts.append("on each link")
         if self.distance_m:
@@ -127,6 +130,7 @@ class AgeExpectation(ExpectationPart):
     Attributes:
         node: who hears.
         from_: of whom; of each other node unless given.
+        radio: name of the radio network by which it came; whichever unless given.
         between_s: only in that interval of sim time.
         at_most_s: the bound.
     """
@@ -134,6 +138,7 @@ class AgeExpectation(ExpectationPart):
     type: Literal["age"]
     node: NodeId
     from_: Annotated[NodeId | None, Field(alias="from")] = None
+    radio: str | None = None
     between_s: Interval | None = None
     at_most_s: Positive
 
@@ -151,8 +156,8 @@ class AgeExpectation(ExpectationPart):
     @property
     def title(self) -> str:
         """What reports call it."""
-        words = [f"age at {self.node} of what {self.from_ or 'each other node'} sent", *when(self.between_s)]
-        return self.name or " ".join(words)
+        words = [f"age at {self.node} of what {self.from_ or 'each other node'} sent", *by_radio(self.radio)]
+        return self.name or " ".join([*words, *when(self.between_s)])
 
     @property
     def wanted(self) -> str:

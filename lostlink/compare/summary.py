@@ -74,7 +74,7 @@ def _counted(run: Path) -> Counts:
     columns = link_counts(run, RunDirectory(run).scenario.transceiver_ids)
     names = ("tx", "rx", "sent", "delivered")
     rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return {(tx, rx): (sent, delivered) for tx, rx, sent, delivered in rows}
+    return _sums([dict(zip(names, row, strict=True)) for row in rows])
 
 
 def _in_ledger(summary: Mapping[str, Any], run: Path) -> Iterator[str]:

@@ -32,7 +32,7 @@ class PacketFinder:
 
     @cached_property
     def _rows(self) -> DeliveryRows:
-        return link_rows(self._run, self._nodes, ("sim_time_ns", "received_ns", "distance_m"))
+        return link_rows(self._run, self._nodes, ("radio", "sim_time_ns", "received_ns", "distance_m"))
 
     @cached_property
     def _distance_m(self) -> NDArray[np.float64]:
@@ -61,7 +61,7 @@ class PacketFinder:
         ]
 
     def _share(self, wanted: DeliveryExpectation, tx: str | None, rx: str | None) -> list[float]:
-        chosen = self._of(tx, rx) & self._between(wanted.between_s)
+        chosen = self._of(tx, rx, wanted.radio) & self._between(wanted.between_s)
         if wanted.distance_m is not None:
             low, high = wanted.distance_m
             chosen &= (self._distance_m >= low) & (self._distance_m <= high)
@@ -82,11 +82,10 @@ class PacketFinder:
         if until_s < begin_s or not end_s:  # a run that ended before its first tick has no instant
             return None
         senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
-        ages = [self._greatest_age_s(tx, wanted.node, begin_s, until_s) for tx in senders if tx is not None]
-        return max(ages, default=None)
+        heard = [self._of(tx, wanted.node, wanted.radio) & self._rows.is_delivered for tx in senders]
+        return max((self._greatest_age_s(rows, begin_s, until_s) for rows in heard), default=None)
 
-    def _greatest_age_s(self, tx: str, rx: str, begin_s: float, until_s: float) -> float:
-        heard = self._of(tx, rx) & self._rows.is_delivered
+    def _greatest_age_s(self, heard: Mask, begin_s: float, until_s: float) -> float:
         generated_ns, came_ns = (self._rows.columns[name][heard] for name in ("sim_time_ns", "received_ns"))
         begin_ns, until_ns = round(begin_s * 1e9), round(until_s * 1e9)
         at_begin_ns = begin_ns - generated_ns[came_ns <= begin_ns].max(initial=0)  # all that an instant has
@@ -98,14 +97,14 @@ class PacketFinder:
         columns = self._rows.columns
         return int(columns["packets"][columns["fate"] == TRANSPORT].sum())
 
-    def _of(self, tx: str | None, rx: str | None) -> Mask:
-        """Rows of a sender and receiver; None: any."""
+    def _of(self, tx: str | None, rx: str | None, radio: str | None) -> Mask:
+        """Rows of a sender, receiver and radio network; None: any."""
         columns = self._rows.columns
         chosen = np.ones(len(columns["tx"]), dtype=np.bool_)
         for end, node in (("tx", tx), ("rx", rx)):
             if node is not None:
                 chosen &= columns[end] == self._nodes.index(node)
-        return chosen
+        return chosen if radio is None else chosen & (columns["radio"] == radio)
 
     def _between(self, interval_s: tuple[float, float] | None) -> Mask:
         times_s = self._rows.columns["sim_time_ns"] / 1e9  # the floats of the scenario: no product is

@@ -193,7 +193,7 @@ def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
         dict(zip(columns, row, strict=True))
         for row in zip(*(c.tolist() for c in columns.values()), strict=True)
     ]
-    ends = ("tx", "rx", "sent", "delivered")
+    ends = ("radio", "tx", "rx", "sent", "delivered")
     return [
         {name: row[name] for name in ends}
         | {"lost": {name: n for name, n in row.items() if name not in ends and n}}

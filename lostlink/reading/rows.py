@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import (
     DELIVERED,
     DELIVERIES,
@@ -137,26 +138,50 @@ class DeliveryRows:
     # Links.
 
     @cached_property
+    def networks(self) -> tuple[str, ...]:
+        """Names of the radio networks that have rows, `main` first; `main` alone of rows without ``radio``."""
+        names = set(self.columns["radio"].tolist()) if "radio" in self.columns else {MAIN}
+        return tuple(sorted(names, key=lambda name: (name != MAIN, name)))
+
+    @cached_property
     def link(self) -> NDArray[np.int64]:
-        """The number of each row's directed link: ``tx * len(nodes) + rx``."""
-        return self.columns["tx"] * len(self.nodes) + self.columns["rx"]
+        """The number of each row's directed link, one for each radio network where rows have ``radio``."""
+        c, nodes = self.columns, len(self.nodes)
+        link: NDArray[np.int64] = c["tx"] * nodes + c["rx"]
+        for number, name in enumerate(self.networks[1:], 1):
+            link = link + (c["radio"] == name) * (number * nodes**2)
+        return link
+
+    @property
+    def links_most(self) -> int:
+        """How many links there can be: numbers of links are below this."""
+        return max(1, len(self.networks)) * len(self.nodes) ** 2
 
     @cached_property
     def links(self) -> NDArray[np.int64]:
-        """Numbers of the links that occur, rising: by sender, then receiver."""
-        return np.flatnonzero(np.bincount(self.link, minlength=len(self.nodes) ** 2))
+        """Numbers of the links that occur, rising: by network, then sender, then receiver."""
+        return np.flatnonzero(np.bincount(self.link, minlength=self.links_most))
 
     @cached_property
     def place(self) -> NDArray[np.intp]:
         """Where in `links` each row's link is."""
-        places = np.zeros(len(self.nodes) ** 2, dtype=np.intp)
+        places = np.zeros(self.links_most, dtype=np.intp)
         places[self.links] = np.arange(len(self.links))
         return places[self.link]
 
     def ends_of(self, links: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Ids of sender and receiver of links by their numbers."""
-        names = np.array(self.nodes, dtype=object)
-        return names[links // len(self.nodes)], names[links % len(self.nodes)]
+        names, nodes = np.array(self.nodes, dtype=object), len(self.nodes)
+        return names[links // nodes % nodes], names[links % nodes]
+
+    def radios_of(self, links: NDArray[np.int64]) -> NDArray[Any]:
+        """Names of the radio networks of links by their numbers."""
+        return np.array(self.networks, dtype=object)[links // len(self.nodes) ** 2]
+
+    def named(self, links: NDArray[np.int64]) -> Columns:
+        """What names links by their numbers: ``radio``, ``tx``, ``rx``."""
+        tx, rx = self.ends_of(links)
+        return {"radio": self.radios_of(links), "tx": tx, "rx": rx}
 
     def cells(self, place: NDArray[np.intp], groups: int) -> NDArray[np.int64]:
         """How many packets of each group had each fate, shape (groups, FATES).

@@ -203,7 +203,10 @@ class Run:
 
     @cached_property
     def links(self) -> pd.DataFrame:
-        """Counts of each directed link, as columns ``tx``, ``rx``, ``sent``, ``delivered`` and the causes of loss."""
+        """Counts of each directed link of each radio network: ``sent``, ``delivered`` and the causes of loss.
+
+        Columns ``radio``, ``tx`` and ``rx`` name it.
+        """
         return frame_of_columns(link_counts(self.path, self.scenario.transceiver_ids))
 
     def link_series(self, period_s: float = 1.0) -> pd.DataFrame:
@@ -220,11 +223,11 @@ class Run:
     def ages(self) -> pd.DataFrame:
         """Age of information of each directed link that had a packet.
 
-        Columns ``tx``, ``rx``, ``received``, ``mean_s``, ``p95_s``, ``peak_s``. The age is the time since the newest
-        packet that the receiver has was transmitted, of sim time; a packet comes at the tick after the one that settled
-        it (Kaul, Yates & Gruteser, INFOCOM 2012). It counts from the link's first packet, whatever became of that, to
-        the end of the run. ``mean_s`` is the average over that time, ``p95_s`` what is not exceeded for 95 % of it,
-        ``peak_s`` the greatest; ``received`` is how many packets came until the end.
+        Columns ``radio``, ``tx``, ``rx``, ``received``, ``mean_s``, ``p95_s``, ``peak_s``. The age is the time since
+        the newest packet that the receiver has by this radio was transmitted, of sim time; a packet comes at the tick
+        after the one that settled it (Kaul, Yates & Gruteser, INFOCOM 2012). It counts from the link's first packet,
+        whatever became of that, to the end of the run. ``mean_s`` is the average over that time, ``p95_s`` what is not
+        exceeded for 95 % of it, ``peak_s`` the greatest; ``received`` is how many packets came until the end.
         """
         return self._timed(lambda times: link_ages(times, self.end_ns))
 
@@ -232,7 +235,7 @@ class Run:
     def latencies(self) -> pd.DataFrame:
         """Sim time from transmission until an agent has the packet, of each directed link that had a packet.
 
-        Columns ``tx``, ``rx``, ``delivered``, ``mean_s``, ``p95_s``, ``max_s``; nan where nothing was delivered.
+        Columns ``radio``, ``tx``, ``rx``, ``delivered``, ``mean_s``, ``p95_s``, ``max_s``; nan where nothing came.
         """
         return self._timed(link_latencies)
 
@@ -320,10 +323,8 @@ class Run:
             raise ValueError(f"{self.path}: the record has lost {in_words(lost)}{instead}")
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
-        rows = link_rows(self.path, self.scenario.transceiver_ids, NEEDED)
-        tx, rx = rows.ends_of(rows.links)
-        found = figures(times_of(rows))
-        return frame_of_columns({"tx": tx, "rx": rx, **found})
+        rows = link_rows(self.path, self.scenario.transceiver_ids, ("radio", *NEEDED))
+        return frame_of_columns({**rows.named(rows.links), **figures(times_of(rows))})
 
     def _inputs(self) -> list[tuple[str, RecordedInput]]:
         found = [(node, item) for node, items in all_inputs(self.path).items() for item in items]

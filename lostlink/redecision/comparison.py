@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -19,13 +19,15 @@ from lostlink.reading.rows import DeliveryRows
 
 @dataclass(frozen=True, slots=True)
 class LinkChange:
-    """One directed link; ``lost`` has a count for each cause that occurred.
+    """One directed link of a radio network; ``lost`` has a count for each cause that occurred.
 
     Attributes:
+        radio: name of the network.
         delay_mean_before_s: from the sender's stamp to arrival, of what was delivered; None of nothing.
         delay_mean_after_s: likewise.
     """
 
+    radio: str
     tx: str
     rx: str
     sent: int
@@ -39,16 +41,18 @@ class LinkChange:
 
 @dataclass(frozen=True, slots=True)
 class BinChange:
-    """The packets of a directed link over a bin of distance.
+    """The packets of a directed link of a radio network over a bin of distance.
 
     Attributes:
+        radio: name of the network.
         sent: so many, lost or not; those that no channel had to decide have no distance.
         delivered_before: of these, as recorded.
         delivered_after: as decided anew.
         predicted_after: the new radio's mean probability of delivery over the true geometries; None where packets take
-            time on the air of any network, which loses and delays them besides.
+            time on the air of the network, which loses and delays them besides.
     """
 
+    radio: str
     tx: str
     rx: str
     distance_min_m: float
@@ -69,8 +73,8 @@ class DecisionComparison:
         changes: from what to what, ``[{"before": cause, "after": cause, "packets": count}]``.
         differs: whether a fate, an instant of arrival, a power or an error rate differs, bit by bit, of those in both.
         not_compared: fates that only one side has: a killed run's files end at different ticks.
-        links: per directed link.
-        bins: per directed link and distance.
+        links: per radio network and directed link.
+        bins: per radio network, directed link and distance.
     """
 
     fates: int
@@ -92,14 +96,14 @@ class DecisionComparison:
 
 
 def compare_decisions(
-    before: DeliveryRows, after: DeliveryRows, bins: Sequence[BinSummary]
+    before: DeliveryRows, after: DeliveryRows, bins: Mapping[str, Iterable[BinSummary]]
 ) -> DecisionComparison:
     """Compare what was with what is decided anew.
 
     Args:
-        before: what was recorded.
-        after: of the same packets.
-        bins: of all ledgers of ``after`` if packets take no time, for what was predicted.
+        before: what was recorded, with ``radio``.
+        after: of the same packets, likewise.
+        bins: of the ledgers of networks on which packets take no time, by name, for what was predicted.
     """
     one, other = before.each(), after.each()
     in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())
@@ -135,16 +139,19 @@ def _same_bits(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
-    count = len(one.nodes) ** 2
+    count = one.links_most
     counts = [side.cells(side.link, count) for side in (one, other)]
     delays = [_mean_delays_s(side, count) for side in (one, other)]
+    links = np.flatnonzero(counts[0].any(axis=-1))
+    names = zip(*(values.tolist() for values in one.named(links).values()), strict=True)
     found = []
-    for link in np.flatnonzero(counts[0].any(axis=-1)).tolist():
-        (tx, rx), (was, is_now) = divmod(link, len(one.nodes)), (each[link] for each in counts)
+    for link, (radio, tx, rx) in zip(links.tolist(), names, strict=True):
+        was, is_now = (each[link] for each in counts)
         found.append(
             LinkChange(
-                one.nodes[tx],
-                one.nodes[rx],
+                radio,
+                tx,
+                rx,
                 int(was.sum()),
                 int(was[DELIVERED]),
                 int(is_now[DELIVERED]),
@@ -153,7 +160,7 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
                 *(side[link] for side in delays),
             )
         )
-    return tuple(sorted(found, key=lambda link: (link.tx, link.rx)))
+    return tuple(sorted(found, key=lambda link: (one.networks.index(link.radio), link.tx, link.rx)))
 
 
 def _mean_delays_s(rows: DeliveryRows, count: int) -> list[float | None]:
@@ -168,39 +175,32 @@ def _lost(counts: NDArray[np.int64]) -> dict[str, int]:
     }
 
 
-def _bins(one: DeliveryRows, other: DeliveryRows, predicted: Sequence[BinSummary]) -> tuple[BinChange, ...]:
+def _bins(
+    one: DeliveryRows, other: DeliveryRows, predicted: Mapping[str, Iterable[BinSummary]]
+) -> tuple[BinChange, ...]:
     """Of the same packets on both sides, which either has the distance of."""
     here, there = (side.columns["distance_m"] for side in (one, other))
     distance_m = np.where(np.isnan(there), here, there)
     placed = np.flatnonzero(~np.isnan(distance_m))
     number = np.floor_divide(distance_m[placed], BIN_WIDTH_M).astype(np.int64)
-    rows = np.stack((one.columns["tx"][placed], one.columns["rx"][placed], number), axis=-1)
+    rows = np.stack((one.link[placed], number), axis=-1)
     bins, which = np.unique(rows, axis=0, return_inverse=True)
     delivered = [side.is_delivered[placed] for side in (one, other)]
     counts = [
         np.bincount(which.reshape(-1), each, len(bins)).astype(np.int64).tolist()
         for each in (np.ones(len(placed)), *delivered)
     ]
-    chances = _chances(predicted)
+    chances = {
+        (radio, row.tx, row.rx, row.distance_min_m): row.predicted
+        for radio, rows in predicted.items()
+        for row in rows
+    }
+    names = zip(*(values.tolist() for values in one.named(bins[:, 0]).values()), strict=True)
     found = []
-    for (tx, rx, place), sent, before, after in zip(bins.tolist(), *counts, strict=True):
+    for (radio, tx, rx), place, sent, before, after in zip(names, bins[:, 1].tolist(), *counts, strict=True):
         start_m = place * BIN_WIDTH_M
-        key = one.nodes[tx], one.nodes[rx], start_m
+        key = radio, tx, rx, start_m
         found.append(BinChange(*key, start_m + BIN_WIDTH_M, sent, before, after, chances.get(key)))
-    return tuple(sorted(found, key=lambda row: (row.tx, row.rx, row.distance_min_m)))
-
-
-def _chances(predicted: Sequence[BinSummary]) -> dict[tuple[str, str, float], float]:
-    """Mean probability of delivery by link and distance, of all networks together."""
-    found: dict[tuple[str, str, float], BinSummary] = {}
-    for row in predicted:
-        key = row.tx, row.rx, row.distance_min_m
-        found[key] = _together(found[key], row) if key in found else row
-    return {key: row.predicted for key, row in found.items()}
-
-
-def _together(one: BinSummary, other: BinSummary) -> BinSummary:
-    """One bin of what two networks have of a link at a distance."""
-    sent, delivered = one.sent + other.sent, one.delivered + other.delivered
-    predicted = (one.sent * one.predicted + other.sent * other.predicted) / sent
-    return one._replace(sent=sent, delivered=delivered, measured=delivered / sent, predicted=predicted)
+    return tuple(
+        sorted(found, key=lambda row: (one.networks.index(row.radio), row.tx, row.rx, row.distance_min_m))
+    )

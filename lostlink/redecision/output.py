@@ -47,8 +47,10 @@ def plain_of(result: Redecision, written: Mapping[str, Any] | None) -> dict[str,
 def tables(comparison: DecisionComparison) -> Iterator[Table]:
     """What people see of it."""
     yield _links_table(comparison.links)
-    if comparison.bins:
-        yield _bins_table(comparison.bins)
+    radios = list(dict.fromkeys(row.radio for row in comparison.bins))
+    for radio in radios:
+        title = "Share delivered by distance, all links" + (f" of {radio}" if len(radios) > 1 else "")
+        yield _bins_table([row for row in comparison.bins if row.radio == radio], title)
 
 
 def sentence(comparison: DecisionComparison) -> str:
@@ -82,8 +84,10 @@ def _links_table(links: Sequence[LinkChange]) -> Table:
         *("link", "sent", "before", "after", "lost before", "lost after"),
         *("mean delay before, ms", "mean delay after, ms"),
     )
+    is_only = len({link.radio for link in links}) == 1
     for link in links[:LINKS_SHOWN_MAX]:
-        table.add_row(*_link_row(f"{link.tx} -> {link.rx}", [link]))
+        network = "" if is_only else f"{link.radio}: "
+        table.add_row(*_link_row(f"{network}{link.tx} -> {link.rx}", [link]))
     if len(links) > LINKS_SHOWN_MAX:
         table.add_row(*_link_row(f"{len(links) - LINKS_SHOWN_MAX} more", links[LINKS_SHOWN_MAX:]))
     if len(links) > 1:
@@ -113,11 +117,11 @@ def _lost(counts: Iterable[dict[str, int]]) -> str:
     return ", ".join(f"{number} {_words(cause)}" for cause, number in sorted(total.items()))
 
 
-def _bins_table(bins: Sequence[BinChange]) -> Table:
-    """All links together, by distance."""
+def _bins_table(bins: Sequence[BinChange], title: str) -> Table:
+    """All links of a radio network together, by distance."""
     predicts = any(row.predicted_after is not None for row in bins)
     columns = ("distance, m", "packets", "before", "after", *(["predicted"] if predicts else []))
-    table = _table("Share delivered by distance, all links", *columns)
+    table = _table(title, *columns)
     for start_m in sorted({each.distance_min_m for each in bins}):
         rows = [each for each in bins if each.distance_min_m == start_m]
         sent = sum(row.sent for row in rows)

@@ -81,6 +81,14 @@ class PacketFacts:
             return np.zeros(0, dtype=object)
         return self._words["radio"][self._places(self._keys(packets.seq, packets.tx))[0]]
 
+    def with_radio(self, rows: DeliveryRows) -> DeliveryRows:
+        """Rows with the name of each one's radio: `main` of packets that never came to the radio."""
+        c = rows.columns
+        places, known = self._places(self._keys(c["seq"], c["tx"]))
+        names = np.full(len(rows), MAIN, dtype=object)
+        names[known] = self._words["radio"][places[known]]
+        return DeliveryRows(rows.nodes, c | {"radio": names})
+
     def words(self, rows: Columns, words: Vocabulary) -> Columns:
         """Radio, channel and encoding of rows, as places among ``words``; the first of packets that never came."""
         places, known = self._places(self._keys(rows["seq"], rows["tx"]))

@@ -95,9 +95,9 @@ class Redecision:
     @cached_property
     def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
-        predicts = not any(each.takes_time for each in self.books)
-        bins = [row for each in self.books for row in each.ledger.bins()] if predicts else []
-        return compare_decisions(self.before, self.after, bins)
+        bins = {each.radio: each.ledger.bins() for each in self.books if not each.takes_time}
+        before, after = (self.facts.with_radio(rows) for rows in (self.before, self.after))
+        return compare_decisions(before, after, bins)
 
     @property
     def disagrees(self) -> bool:

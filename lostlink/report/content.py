@@ -84,7 +84,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     }
     found |= {"totals": packets.totals_of(links), "links": links, "losses": packets.losses_of(rows, end_ns)}
     tell("follows the ages of packets")
-    found["ages"] = packets.ages_of(times, rows.nodes, end_ns)
+    found["ages"] = packets.ages_of(times, rows, end_ns)
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(rows)
     tell("computes its digests")

@@ -15,7 +15,7 @@ from lostlink.reading.links.counts import counts_of
 from lostlink.reading.rows import DeliveryRows
 from lostlink.report.scales import nice_step, rows_of
 
-COLUMNS = (*NEEDED, "distance_m", "received_power_dbm")
+COLUMNS = (*NEEDED, "radio", "distance_m", "received_power_dbm")
 """Of the deliveries, that all this is made of."""
 PERIODS_MAX = 150
 BOXES_MAX = 12
@@ -27,7 +27,7 @@ LINKS_APART_MAX = 8
 
 
 def links_of(rows: DeliveryRows, times: Sequence[LinkTimes], end_ns: int) -> list[dict[str, Any]]:
-    """A row per directed link: counts, ``delivery``, ``lost`` by cause, latency and age of information in s.
+    """A row per directed link of a radio network: counts, ``delivery``, ``lost`` by cause, latency and age in s.
 
     Args:
         rows: with `COLUMNS`.
@@ -35,11 +35,12 @@ def links_of(rows: DeliveryRows, times: Sequence[LinkTimes], end_ns: int) -> lis
         end_ns: the end of the run.
     """
     counts, ages, latencies = counts_of(rows), link_ages(times, end_ns), link_latencies(times)
-    causes = [name for name in counts if name not in ("tx", "rx", "sent", "delivered")]
+    told = ("radio", "tx", "rx", "sent", "delivered")
+    causes = [name for name in counts if name not in told]
     found = []
     for count, age, latency in zip(rows_of(counts), rows_of(ages), rows_of(latencies), strict=True):
         found.append(
-            {name: count[name] for name in ("tx", "rx", "sent", "delivered")}
+            {name: count[name] for name in told}
             | {"delivery": count["delivered"] / count["sent"] if count["sent"] else None}
             | {"lost": {cause: count[cause] for cause in causes if count[cause]}}
             | {f"latency_{name}": latency[name] for name in ("mean_s", "p95_s", "max_s")}
@@ -96,19 +97,26 @@ def period_of(end_ns: int) -> int:
     return round(nice_step(end_ns / 1e9, PERIODS_MAX, 0.1) * 1e9)
 
 
-def ages_of(times: Sequence[LinkTimes], nodes: Sequence[str], end_ns: int) -> dict[str, Any]:
+def link_name(tx: str, rx: str, radio: str, *, is_only: bool) -> str:
+    """What a link is called; with the name of its radio network, unless there is only one."""
+    return f"{tx} to {rx}" if is_only else f"{radio}: {tx} to {rx}"
+
+
+def ages_of(times: Sequence[LinkTimes], rows: DeliveryRows, end_ns: int) -> dict[str, Any]:
     """The greatest age in each period: of each link, or of many the median and the greatest of all.
 
+    ``rows`` are those of which the times are.
     ``period_s``, ``sim_time_s`` (begins), ``end_s`` (of the last) and ``series[]`` of ``name`` and ``age_s``.
     """
     period_ns = period_of(end_ns)
     edges = np.arange(0, end_ns + period_ns, period_ns, dtype=np.int64)
     edges = np.append(edges[edges < end_ns], end_ns)
     series = [link.sawtooth(end_ns).greatest(edges) for link in times]
-    told = [
-        (f"{nodes[link.link // len(nodes)]} to {nodes[link.link % len(nodes)]}", ages_s)
-        for link, ages_s in zip(times, series, strict=True)
+    names = [
+        link_name(row["tx"], row["rx"], row["radio"], is_only=len(rows.networks) == 1)
+        for row in rows_of(rows.named(rows.links))
     ]
+    told = list(zip(names, series, strict=True))
     if len(series) > LINKS_APART_MAX:
         together = np.array(series)
         told = [
@@ -177,9 +185,8 @@ def bins_of(rows: DeliveryRows) -> list[dict[str, Any]]:
     span = int(number.max(initial=0)) + 1
     keys, place = np.unique(link * span + number, return_inverse=True)
     sent, delivered = np.bincount(place), np.bincount(place, arrived).astype(np.int64)
-    tx, rx = rows.ends_of(keys // span)
     low_m = keys % span * BIN_WIDTH_M
-    columns = {"tx": tx, "rx": rx, "distance_min_m": low_m, "distance_max_m": low_m + BIN_WIDTH_M}
+    columns = {**rows.named(keys // span), "distance_min_m": low_m, "distance_max_m": low_m + BIN_WIDTH_M}
     shares = {"sent": sent, "delivered": delivered, "measured": delivered / np.maximum(sent, 1)}
     return [
         row | {"of": BINS_OF_PACKETS, "predicted": None, "ci99": None} for row in rows_of(columns | shares)

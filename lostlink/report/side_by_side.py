@@ -181,13 +181,20 @@ def _setting(value: Any) -> str:
 
 
 def _link_rows(runs: list[dict[str, Any]]) -> list[Row]:
-    by_run = [{(link["tx"], link["rx"]): link["delivery"] for link in run["links"]} for run in runs]
+    by_run = [
+        {(link["radio"], link["tx"], link["rx"]): link["delivery"] for link in run["links"]} for run in runs
+    ]
     links = list(dict.fromkeys(link for each in by_run for link in each))
     left_out = len(links) - LINKS_MAX
     if left_out > 0:
         links = sorted(links, key=lambda link: -_spread([each.get(link) for each in by_run]))[:LINKS_MAX]
+    is_only = len({radio for radio, _, _ in links}) == 1
     rows = [
-        _row(f"delivery {tx} to {rx}", [share(each.get((tx, rx))) for each in by_run]) for tx, rx in links
+        _row(
+            f"delivery {packets.link_name(tx, rx, radio, is_only=is_only)}",
+            [share(each.get((radio, tx, rx))) for each in by_run],
+        )
+        for radio, tx, rx in links
     ]
     if left_out > 0:
         rows.append(

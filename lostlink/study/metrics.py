@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bridge.bus.keys import MAIN
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import NEEDED, link_ages, times_of
 from lostlink.reading.links.counts import counts_of
@@ -61,15 +62,15 @@ def _by_name(expectations: Iterable[Mapping[str, Any]]) -> Iterator[tuple[str, M
 def of_tables(run: Run) -> Metrics:
     """What the tables say; the machine does not change it.
 
-    ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and
-    ``delivery_<tx>_<rx>`` of each; ``age_mean_s``, the mean over the links of the time average of the age of
-    information, and ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of
-    two UA at any tick.
+    ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and ``delivery_<tx>_<rx>`` of each
+    (`link_column`); ``age_mean_s``, the mean over the links of the time average of the age of information, and
+    ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of two UA at any
+    tick.
 
     Raises:
         TableError, OSError: a table is not there, or damaged.
     """
-    rows = link_rows(run.path, run.scenario.transceiver_ids, NEEDED)
+    rows = link_rows(run.path, run.scenario.transceiver_ids, ("radio", *NEEDED))
     links, ages = counts_of(rows), link_ages(times_of(rows), run.end_ns)
     _, places = places_of(run.path, run.nodes)
     sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
@@ -78,8 +79,10 @@ def of_tables(run: Run) -> Metrics:
         "delivered": delivered,
         "delivery": delivered / sent if sent else float("nan"),
         **{
-            link_column(tx, rx): float(d / s) if s else float("nan")
-            for tx, rx, s, d in zip(links["tx"], links["rx"], links["sent"], links["delivered"], strict=True)
+            link_column(tx, rx, radio): float(d / s) if s else float("nan")
+            for radio, tx, rx, s, d in zip(
+                *(links[name] for name in ("radio", "tx", "rx", "sent", "delivered")), strict=True
+            )
         },
         "age_mean_s": _mean(ages["mean_s"]),
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
@@ -87,9 +90,12 @@ def of_tables(run: Run) -> Metrics:
     }
 
 
-def link_column(tx: str, rx: str) -> str:
-    """The column of a link's delivery; of ids with a ``_`` no other link has the same."""
-    return f"delivery_{tx}->{rx}" if "_" in tx + rx else f"delivery_{tx}_{rx}"
+def link_column(tx: str, rx: str, radio: str = MAIN) -> str:
+    """The column of a link's delivery; of names with a ``_`` no other link has the same."""
+    network = "" if radio == MAIN else radio
+    if "_" in network + tx + rx:
+        return f"delivery_{network}:{tx}->{rx}" if network else f"delivery_{tx}->{rx}"
+    return "_".join(["delivery", *filter(None, [network]), tx, rx])
 
 
 def _mean(values: NDArray[np.float64]) -> float:

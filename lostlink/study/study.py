@@ -153,8 +153,13 @@ class Study:
 
     def link_columns(self) -> set[str]:
         """Columns of single links."""
-        fleets = {case.scenario.transceiver_ids for case in self.cases}
-        return {link_column(*link) for nodes in fleets for link in permutations(nodes, 2)}
+        fleets = {(case.scenario.transceiver_ids, case.scenario.network_names) for case in self.cases}
+        return {
+            link_column(*link, radio)
+            for nodes, radios in fleets
+            for link in permutations(nodes, 2)
+            for radio in radios
+        }
 
     def write(self, rows: Sequence[Mapping[str, Any]]) -> Path:
         """Write the table, whose rows these are; gives its file.

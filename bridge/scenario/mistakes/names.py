@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from bridge.scenario.agents import OwnAgent
 from bridge.scenario.document.written import Path_, Written
+from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.near import near_miss
@@ -370,7 +371,18 @@ def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
                 if node_id in scenario.stations:
                     text = f"{node_id} is an emitter: it exchanges no packets, and has no agent"
                 yield _told(root, ("expectations", index, key), text)
+        if isinstance(expectation, DeliveryExpectation | AgeExpectation) and expectation.radio is not None:
+            yield from _unknown_network(root, scenario, index, expectation.radio)
         if isinstance(expectation, FunctionExpectation):
             mistake = mistake_in(expectation.place, expectation.function_name, "function")
             if mistake:
                 yield _told(root, ("expectations", index, "function"), mistake)
+
+
+def _unknown_network(root: Written, scenario: Scenario, index: int, radio: str) -> Iterator[str]:
+    known = scenario.network_names
+    if radio not in known:
+        text = (
+            f"no radio network has the name {radio}{near_miss(radio, known)}; there are: {', '.join(known)}"
+        )
+        yield _told(root, ("expectations", index, "radio"), text)

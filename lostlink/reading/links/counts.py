@@ -13,7 +13,9 @@ from lostlink.reading.rows import DeliveryRows, link_rows
 
 
 def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
-    """A row per directed link that had a packet: ``tx``, ``rx``, ``sent``, ``delivered`` and a column per cause.
+    """A row per directed link of a radio network that had a packet, with a column per cause of loss.
+
+    The others are ``radio``, ``tx``, ``rx``, ``sent`` and ``delivered``.
 
     Args:
         run: the run directory.
@@ -22,17 +24,16 @@ def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
     Raises:
         TableError, OSError: the deliveries cannot be read.
     """
-    return counts_of(link_rows(run, nodes, ()))
+    return counts_of(link_rows(run, nodes, ("radio",)))
 
 
 def counts_of(rows: DeliveryRows) -> Columns:
     """As `link_counts`, of rows that were read."""
-    tx, rx = rows.ends_of(rows.links)
-    return {"tx": tx, "rx": rx, **rows.counts(rows.place, len(rows.links))}
+    return {**rows.named(rows.links), **rows.counts(rows.place, len(rows.links))}
 
 
 def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
-    """A row per period of sim time and directed link with packets in it, by time, then sender, then receiver.
+    """A row per period of sim time and directed link with packets in it, by time, then network, sender, receiver.
 
     ``sim_time_ns`` is the period's begin. ``distance_m``, ``received_power_dbm``, ``snr_db`` and ``per`` are means over
     the packets for which the channel computed them (of decibels: the mean of decibels); nan if there are none.
@@ -43,15 +44,13 @@ def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
     """
     if period_ns <= 0:
         raise ValueError(f"a period of {period_ns} ns; it has to be above 0")
-    rows = link_rows(run, nodes, ("sim_time_ns", *FIGURES))
-    columns, squared = rows.columns, len(nodes) ** 2
-    bins, place = np.unique(columns["sim_time_ns"] // period_ns * squared + rows.link, return_inverse=True)
+    rows = link_rows(run, nodes, ("radio", "sim_time_ns", *FIGURES))
+    columns, links = rows.columns, rows.links_most
+    bins, place = np.unique(columns["sim_time_ns"] // period_ns * links + rows.link, return_inverse=True)
     counts = rows.counts(place, len(bins))
-    tx, rx = rows.ends_of(bins % squared)
     return {
-        "sim_time_ns": bins // squared * period_ns,
-        "tx": tx,
-        "rx": rx,
+        "sim_time_ns": bins // links * period_ns,
+        **rows.named(bins % links),
         "sent": counts["sent"],
         "delivered": counts["delivered"],
         **{name: means(columns[name], place, len(bins)) for name in FIGURES},

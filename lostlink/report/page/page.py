@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.air.capacity import rate_text
 from lostlink.reading.air.use import BUSY_NS, NS_PER_S
+from lostlink.report.packets import link_name
 from lostlink.report.page.words import NOTHING, count, num, share
 from lostlink.report.pictures.radio import told_of_delivery
 
@@ -65,6 +66,7 @@ def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
 
 def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
     """The whole page: one file that asks for nothing."""
+    networks = list(dict.fromkeys(link["radio"] for link in content["links"]))
     return render(
         "report.html.j2",
         pictures,
@@ -81,8 +83,9 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         nodes=[_node(node) for node in content["nodes"]],
         delivery_caption=told_of_delivery(content) if content["bins"] else "",
         powers=[_power(box) for box in content["powers"]["boxes"]],
-        links=[_link(link) for link in _worst(content["links"])],
+        links=[_link(link, is_only=len(networks) == 1) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
+        on_first=f", on {networks[0]}" if len(networks) > 1 else "",
         routes=[_route(route) for route in _most_used(content["routes"])],
         routes_caption=_routes_caption(len(content["routes"])),
         routing=[row for each in content["routing"] for row in _routing(each, content["run"])],
@@ -196,12 +199,12 @@ def _links_caption(links: int) -> str:
     return f"The {LINKS_MAX} directed links of {links} that lose most; all are in the JSON"
 
 
-def _link(link: dict[str, Any]) -> Row:
+def _link(link: dict[str, Any], *, is_only: bool) -> Row:
     lost = ", ".join(f"{cause.replace('_', ' ')} {count(number)}" for cause, number in link["lost"].items())
     ages = [num(link[name]) for name in ("age_mean_s", "age_p95_s", "age_peak_s")]
     late = [num(link[name]) for name in ("latency_mean_s", "latency_max_s")]
     head = [
-        f"{link['tx']} to {link['rx']}",
+        link_name(link["tx"], link["rx"], link["radio"], is_only=is_only),
         count(link["sent"]),
         count(link["delivered"]),
         share(link["delivery"]),

@@ -153,7 +153,7 @@ def draw_ages(content: dict[str, Any]) -> str:
 
 
 def draw_matrix(content: dict[str, Any], key: str, title: str, *, share: bool) -> str:
-    """A figure of each link as a matrix: senders down, receivers across.
+    """A figure of each link as a matrix, senders down, receivers across; of several radio networks those of the first.
 
     Args:
         content: of the report.
@@ -161,11 +161,12 @@ def draw_matrix(content: dict[str, Any], key: str, title: str, *, share: bool) -
         title: what it is.
         share: from 0 to 1, where more is better; else less is better, from 0 on.
     """
-    ids = [node["id"] for node in content["nodes"]] or sorted({link["tx"] for link in content["links"]})
-    ids = [each for each in ids if any(each in (link["tx"], link["rx"]) for link in content["links"])]
+    links = [link for link in content["links"] if link["radio"] == content["links"][0]["radio"]]
+    ids = [node["id"] for node in content["nodes"]] or sorted({link["tx"] for link in links})
+    ids = [each for each in ids if any(each in (link["tx"], link["rx"]) for link in links)]
     place = {node: at for at, node in enumerate(ids)}
     values = np.full((len(ids), len(ids)), np.nan)
-    for link in content["links"]:
+    for link in links:
         if link[key] is not None:
             values[place[link["tx"]], place[link["rx"]]] = link[key]
     side_in = min(4.4, max(2.6, 0.8 * len(ids)))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -41,8 +43,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_run(tmp_path_factory.mktemp("runs") / "run", lose_some)
 
 
-def judged(run: Path, **expectation: Any) -> Judgement:
-    scenario = read_scenario("separation", {"expectations": [expectation]})
+def judged(run: Path, changes: Mapping[str, Any] = MappingProxyType({}), **expectation: Any) -> Judgement:
+    scenario = read_scenario("separation", {**changes, "expectations": [expectation]})
     (judgement,) = judge(run, scenario, "done")
     return judgement
 
@@ -68,6 +70,33 @@ def test_delivery(run: Path, expectation: dict[str, Any], found: float | None, p
     judgement = judged(run, type="delivery", **expectation)
     assert judgement.found == (None if found is None else pytest.approx(found))
     assert judgement.passed is passed
+
+
+def test_packets_of_one_radio_network_count_alone(tmp_path: Path) -> None:
+    """Of 20 ticks UA 0 sends by `c2` at ticks 5, 6 and 7, and one packet comes, of tick 6; all of `main` come."""
+
+    def by_two_radios(made: RunContent) -> None:
+        lose_some(made)
+        for tick in range(LOST_FROM, LOST_TO):
+            made.change_row(2 * tick, radio="c2")
+        made.change_row(2 * 6, fate="delivered")
+
+    run = make_run(tmp_path / "run", by_two_radios)
+    delivery = {"type": "delivery", "from": 0, "to": 1, "at_least": 0.9}
+    changes = {"networks": {"c2": "wifi-2.4"}}
+    assert judged(run, changes, **delivery).found == pytest.approx(18 / 20)
+    assert judged(run, changes, **delivery, radio="main").found == 1.0
+    of_c2 = judged(run, changes, **delivery, radio="c2")
+    assert (of_c2.name, of_c2.found) == ("delivery 0 to 1 by c2", pytest.approx(1 / 3))
+    age = judged(run, changes, type="age", node=1, radio="c2", at_most_s=1)
+    assert (age.name, age.found) == (
+        "age at 1 of what each other node sent by c2",
+        pytest.approx(19 * 0.05 - 0.3),
+    )
+    with pytest.raises(
+        ScenarioError, match=r"expectations.0.radio: no radio network has the name c3; there are: main, c2"
+    ):
+        judged(run, changes, **delivery, radio="c3")
 
 
 def test_both_ends_of_an_interval_are_inside(tmp_path: Path) -> None:

@@ -207,8 +207,15 @@ def test_of_a_radio_that_was_killed_the_tables_are_counted(tmp_path: Path, is_fi
     run.write(SCENARIO, "")
     summary = summarise(SCENARIO, run, Timing(1.0, 1.0), "failed")
     assert summary["links"] == [
-        {"tx": "0", "rx": "1", "sent": 22, "delivered": 18, "lost": {"out_of_range": 1, "transport": 3}},
-        {"tx": "1", "rx": "0", "sent": 20, "delivered": 20, "lost": {}},
+        {
+            "radio": "main",
+            "tx": "0",
+            "rx": "1",
+            "sent": 22,
+            "delivered": 18,
+            "lost": {"out_of_range": 1, "transport": 3},
+        },
+        {"radio": "main", "tx": "1", "rx": "0", "sent": 20, "delivered": 20, "lost": {}},
     ]
     assert summary["verdict"] == "broke off: 38 of 42 packets delivered"
 

@@ -70,7 +70,9 @@ def test_frames_have_what_was_written(tmp_path: Path, is_finished: bool) -> None
     assert one.position_north_m.tolist() == pytest.approx([0.05 * i + 1.0 for i in range(40)])
     assert run.packets.fate.tolist() == ["delivered"] * 40
     assert run.packets.seq.tolist() == list(range(40))
-    assert run.links.to_dict("records") == [{"tx": "0", "rx": "1", "sent": 40, "delivered": 40}]
+    assert run.links.to_dict("records") == [
+        {"radio": "main", "tx": "0", "rx": "1", "sent": 40, "delivered": 40}
+    ]
     assert run.link_series(1.0).sent.tolist() == [20, 20]
     assert run.inputs[["tick_ns", "node", "kind", "link"]].to_numpy().tolist() == [
         [TICK_NS, "1", "open", 3],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from numpy.typing import NDArray
+from rich.console import Console
 
 from bridge.bus.messages import CommandGoal
 from bridge.bus.radio_command import radio_goal
@@ -22,7 +24,7 @@ from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
 from lostlink.reading.rows import DeliveryRows
 from lostlink.redecision.comparison import compare_decisions
-from lostlink.redecision.output import sentence
+from lostlink.redecision.output import sentence, tables
 from lostlink.redecision.redecide import Redecision, redecide
 from lostlink.redecision.rewrite import write_deliveries
 from tests.unit.bridge.scenario.test_named_files import GAINS
@@ -252,7 +254,7 @@ def test_what_only_arrives_later_is_not_the_same(tmp_path: Path) -> None:
     later = DeliveryRows(
         before.nodes, before.columns | {"arrived_ns": np.where(arrived_ns < 0, arrived_ns, arrived_ns + 1000)}
     )
-    same, other = (compare_decisions(before, after, ()) for after in (before, later))
+    same, other = (compare_decisions(before, after, {}) for after in (before, later))
     assert (same.is_same, other.is_same, other.changed) == (True, False, 0)
     assert sentence(same).endswith("with their powers and error rates, at the same instants")
     assert sentence(other).endswith("but not all powers, error rates and instants of arrival")
@@ -408,9 +410,24 @@ def test_packets_that_cannot_be_told_apart_are_not_decided(tmp_path: Path) -> No
         redecide(run)
 
 
-def test_what_a_network_predicts_is_not_told_of_packets_of_another(tmp_path: Path) -> None:
-    """Counts by distance are of all networks; of `mesh`, where packets take time, nothing is predicted."""
-    mesh = "networks: {mesh: wifi-2.4}\n"
+def test_what_a_network_does_is_not_told_of_packets_of_another(tmp_path: Path) -> None:
+    """Of `mesh`, where packets take time and far nodes hear nothing, nothing is predicted."""
+    mesh = "networks: {mesh: {preset: wifi-2.4, transmit_power_dbm: -60}}\n"
     scenario = scenario_of("perfect", NODES, extra=mesh)
     run = flown(tmp_path / "run", scenario, 40, lambda number: [*some(number), Sent("0", radio="mesh")])
-    assert {b.predicted_after for b in redecide(run).comparison.bins} == {None}
+    result = redecide(run)
+    comparison, books = result.comparison, result.books
+    assert {(b.radio, b.predicted_after) for b in comparison.bins} == {("main", 1.0), ("mesh", None)}
+    assert {b.delivered_after for b in comparison.bins if b.radio == "mesh"} == {0}
+    counts = {(link.radio, link.tx, link.rx): (link.sent, link.delivered_after) for link in comparison.links}
+    assert counts == {
+        (each.radio, *ends): (account.sent, account.delivered)
+        for each in books
+        for ends, account in each.ledger.links.items()
+    }
+    assert counts["mesh", "0", "gcs"] == (40, 0)
+    shown = Console(width=200, record=True, file=io.StringIO())
+    shown.print(*tables(comparison))
+    text = " ".join(shown.export_text().split())
+    assert "mesh: 0 -> 1" in text
+    assert "all links of mesh" in text

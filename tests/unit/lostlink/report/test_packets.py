@@ -82,8 +82,9 @@ def test_links_and_totals():
 def test_of_many_links_ages_are_the_median_and_the_oldest(tmp_path: Path):
     nodes = tuple("01234")
     run = flown(tmp_path / "run", scenario_of("moon2020", nodes), ticks=100)
-    times = times_of(link_rows(run, nodes, COLUMNS))
-    found = plain(ages_of(times, nodes, 5 * S))
+    rows = link_rows(run, nodes, COLUMNS)
+    times = times_of(rows)
+    found = plain(ages_of(times, rows, 5 * S))
     median, oldest = found["series"]
     assert (median["name"], oldest["name"]) == ("median of 20 links", "the oldest of all")
     assert max(oldest["age_s"]) == pytest.approx(max(link.sawtooth(5 * S).age.peak_s for link in times))

@@ -114,7 +114,8 @@ def test_links_that_are_left_out_are_told(runs: list[Path]) -> None:
         column
         | {
             "links": [
-                {"tx": str(i), "rx": "gcs", "delivery": 0.5 if i == 24 and number else 1.0} for i in range(25)
+                {"radio": "main", "tx": str(i), "rx": "gcs", "delivery": 0.5 if i == 24 and number else 1.0}
+                for i in range(25)
             ]
         }
         for number, column in enumerate(content["runs"])

@@ -72,5 +72,7 @@ def test_a_study_of_one_run_has_one_setting_without_labels() -> None:
 def test_each_link_has_a_column_of_its_own_whatever_its_ends_are_called() -> None:
     nodes = ("a", "a_b", "b_c", "c", "0", "1")
     links = list(permutations(nodes, 2))
-    assert len({link_column(*link) for link in links}) == len(links)
+    radios = ("main", "a", "a_b", "c2")
+    assert len({link_column(*link, radio) for link in links for radio in radios}) == len(links) * len(radios)
+    assert link_column("0", "gcs", "c2") == "delivery_c2_0_gcs"
     assert link_column("0", "1") == "delivery_0_1"
