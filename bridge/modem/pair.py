@@ -10,7 +10,7 @@ called.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 
@@ -19,7 +19,7 @@ from bridge.modem.modem import Modem
 from bridge.modem.network import CauseOf, ModemNetwork, OnAir, Output
 from bridge.modem.settings import ModemSettings
 from channel.access.media.medium import AccessMedium
-from channel.access.packets import AirFate, AirPacket
+from channel.access.packets import PLAIN, AirFate, AirPacket, Handling
 
 GROUND, AIR = 0, 1
 """The two ends. Of ExpressLRS the first has the transmitter module."""
@@ -34,6 +34,7 @@ class ModemPair:
         settings: of both modems.
         heard: what their radios measure.
         cause: says why a packet was lost.
+        handling: says how a unit is handled.
     """
 
     def __init__(
@@ -42,11 +43,12 @@ class ModemPair:
         settings: Mapping[int, ModemSettings],
         heard: Mapping[int, RadioMeter],
         cause: CauseOf,
+        handling: Callable[[bytes], Handling] = lambda _unit: PLAIN,
     ) -> None:
         self.modems = {
             end: Modem(settings[end], heard[end], partial(medium.waiting_bytes, end)) for end in ENDS
         }
-        self._medium = medium
+        self._medium, self._handling = medium, handling
         self._network = ModemNetwork(self.modems, self._offer, cause)
         self._numbers = dict.fromkeys(ENDS, 0)
         self.now_ns = 0
@@ -92,5 +94,5 @@ class ModemPair:
     def _offer(self, end: int, data: bytes, now_ns: int) -> OnAir:
         number = self._numbers[end]
         self._numbers[end] += 1
-        self._medium.offer(AirPacket(end, number, 1 - end, len(data), now_ns))
+        self._medium.offer(AirPacket(end, number, 1 - end, len(data), now_ns, *self._handling(data)))
         return OnAir(number, (1 - end,))

@@ -10,7 +10,7 @@ from bridge.modem.heard import HeardWorld
 from bridge.modem.ideal import IdealMedium
 from bridge.modem.network import Output
 from bridge.modem.pair import AIR, ENDS, GROUND, ModemPair
-from bridge.modem.settings import counts_foreign, modem_of, peers_of
+from bridge.modem.settings import counts_foreign, handling_of, modem_of, peers_of
 from bridge.modem.tracks import Guide, Track
 from channel.access.media.medium import AccessMedium
 from channel.access.settings.base import Ideal, Surroundings
@@ -68,7 +68,8 @@ class RadioLink:
             seed, floor_dbm = channel.draws.seed, min(floors_dbm.values())
             medium = settings.open(Surroundings.of(world, channel.index, seed, configs, floor_dbm))
         modems = {end: modem_of(settings, plan.bauds[end], is_transmitter=end == GROUND) for end in ENDS}
-        self.pair = ModemPair(medium, modems, world.heard, partial(cause_of, world=links))
+        cause, handling = partial(cause_of, world=links), partial(handling_of, settings)
+        self.pair = ModemPair(medium, modems, world.heard, cause, handling)
 
     def receive(self, end: int, data: bytes, at_ns: int) -> None:
         """The host of an end sends bytes from an instant on (`ModemPair.receive`)."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from bridge.modem.radio_status import ElrsStatus, ModemStatus, SikStatus
+from channel.access.mavlink import handled
+from channel.access.packets import PLAIN, Handling
 from channel.access.settings.base import Serial
 from channel.access.settings.delay import DelayMedium
 from channel.access.settings.elrs import ElrsMedium
@@ -92,6 +94,11 @@ def peers_of(medium: MediumSettings, nodes: Sequence[str]) -> dict[int, frozense
         there = frozenset(place[node] for node in ids if node in place)
         found |= {each: there - {each} for each in there}
     return found
+
+
+def handling_of(medium: MediumSettings, unit: bytes) -> Handling:
+    """How a unit is handled: by its MAVLink messages, where the queues of its medium go by these."""
+    return handled(unit, PLAIN) if getattr(getattr(medium, "queue", None), "mavlink", False) else PLAIN
 
 
 def counts_foreign(medium: MediumSettings) -> bool:

@@ -12,16 +12,17 @@ from functools import partial
 from math import inf
 from typing import Final
 
-from bridge.bus.handling import PLAIN
 from bridge.bus.keys import ALL
 from bridge.modem.heard import HeardWorld, RadioMeter
 from bridge.modem.modem import Modem
 from bridge.modem.network import ModemNetwork, OnAir
-from bridge.modem.settings import counts_foreign, has_transmitter, measures, modem_of, peers_of
+from bridge.modem.settings import counts_foreign, handling_of, has_transmitter, measures, modem_of, peers_of
 from bridge.radio.senders import TxPacket
 from bridge.radio.serial_output import SerialOutput
 from bridge.scenario.model import Scenario
+from bridge.scenario.modems import addressee_of
 from bridge.scenario.resolve.channel import RadioChannel
+from channel.access.packets import AirPacket
 from channel.access.world import World
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY
@@ -73,9 +74,10 @@ class NetworkModems:
         nodes = channel.medium.nodes
         self.index = {node: scenario.transceiver_ids.index(node) for node in nodes}
         self._places = [self.index[node] for node in nodes]
-        settings = channel.medium.radios[0].config.medium
-        modems = {}
-        for node, config in scenario.modems_on(channel.name).items():
+        self._settings = settings = channel.medium.radios[0].config.medium
+        modems, configs = {}, scenario.modems_on(channel.name)
+        self._addressees = {channel.medium.index[node]: addressee_of(configs, node) for node in configs}
+        for node, config in configs.items():
             number = channel.medium.index[node]
             is_transmitter = has_transmitter(settings, nodes, node)
             modem = modem_of(settings, config.baud, is_transmitter=is_transmitter)
@@ -133,12 +135,12 @@ class NetworkModems:
     def _offer(self, node: int, data: bytes, now_ns: int) -> OnAir:
         seq = self._next_seq[node]
         self._next_seq[node] += 1
-        route = f"{self._name}/{ALL}/{CHANNEL}"
-        tx = self._places[node]
-        self._sent.append(
-            TxPacket(seq, now_ns, route, data, "", PLAIN, tx=tx, to=EVERYBODY, network=self._place)
-        )
-        return OnAir(seq, self.network.enter(node, seq, len(data), now_ns))
+        addressee, handling = self._addressees[node], handling_of(self._settings, data)
+        route = f"{self._name}/{addressee or ALL}/{CHANNEL}"
+        tx, to = self._places[node], EVERYBODY if addressee is None else self.index[addressee]
+        self._sent.append(TxPacket(seq, now_ns, route, data, "", handling, tx=tx, to=to, network=self._place))
+        receiver = None if addressee is None else self._number_of[addressee]
+        return OnAir(seq, self.network.enter(AirPacket(node, seq, receiver, len(data), now_ns, *handling)))
 
 
 class ModemsOfRun:

@@ -24,6 +24,7 @@ from channel.access.packets import Handling, Reply
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
+from channel.network.entry import FIRST_EXACT
 from channel.network.network import Lived, Network, RadioRoute
 
 
@@ -250,7 +251,11 @@ class NetworkAir:
         receptions = self._places.among_all(receptions)
         columns = columns_of(receptions, counted_bytes, said, lived.instants)
         members = self._places.of_all.tolist()
-        replies = [ReplyToNode(members[each.packet.node], each, self.place) for each in lived.replies]
+        replies = [
+            ReplyToNode(members[each.packet.node], each, self.place)
+            for each in lived.replies
+            if each.packet.number < FIRST_EXACT  # those of modems are no agent's
+        ]
         queues, routes = tuple(self._changed_queues()), self._named_routes(lived)
         return Settled(packets, receptions, (), columns, received_ns, replies, queues, routes)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal
 
 from pydantic import BeforeValidator, Field
 
+from bridge.scenario.expectation_parts import NodeId
 from bridge.scenario.parts import Part
 
 SERVE_PORT = 5790
 """Where a ground station's modem is served unless the scenario says otherwise."""
+TO_ALL: Final = "all"
 Baud = Annotated[int | None, Field(strict=True, ge=1200, le=4_000_000)]
 
 
@@ -30,10 +33,13 @@ class UaModem(Part):
     Attributes:
         serial: number of the port, as in ArduPilot's SERIALn parameters; 0 is the daemon's.
         baud: of the line, bit/s; what the firmware has by default unless given.
+        to: for whom its frames are: id of a node with a modem on the radio, or `all`; unless given the only other one,
+            else all.
     """
 
     serial: Literal[1, 2] = 1
     baud: Baud = None
+    to: NodeId | None = None
 
 
 class GroundModem(Part):
@@ -42,7 +48,23 @@ class GroundModem(Part):
     Attributes:
         serve: where ground stations find its serial side; several see the same bytes.
         baud: of the line, bit/s; what the firmware has by default unless given.
+        to: for whom its frames are: id of a node with a modem on the radio, or `all`; unless given the only other one,
+            else all.
     """
 
     serve: Annotated[tuple[str, ...], BeforeValidator(_endpoints)] = (f"tcpin::{SERVE_PORT}",)
     baud: Baud = None
+    to: NodeId | None = None
+
+
+def addressee_of(modems: Mapping[str, UaModem | GroundModem], node: str) -> str | None:
+    """The node that the frames of a node's modem are for; None: all.
+
+    Args:
+        modems: on the radio's network, by id of their nodes.
+        node: id of one of these.
+    """
+    to, others = modems[node].to, [each for each in modems if each != node]
+    if to is None:
+        return others[0] if len(others) == 1 else None
+    return None if to == TO_ALL else to

@@ -190,14 +190,13 @@ class Network:
         if not self._is_alone:
             self._packets.offer(packet)
 
-    def enter(self, tx: int, seq: int, length_bytes: int, at_ns: int) -> Sequence[int]:
-        """Have a packet to all enter its radio at an instant that `advance` came to.
+    def enter(self, packet: AirPacket) -> Sequence[int]:
+        """Have a packet enter its radio at its instant, that `advance` came to.
 
         Returns:
             Who has a fate of it from the medium.
         """
-        packet = AirPacket(tx, seq, None, length_bytes, at_ns)
-        self._take(packet, at_ns, EVERYBODY)
+        self._take(packet, packet.at_ns, EVERYBODY if packet.to is None else packet.to)
         return () if self._is_alone else self._packets.receivers_of(packet)
 
     def advance(self, until_ns: int) -> list[AirFate]:

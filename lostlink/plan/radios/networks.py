@@ -9,7 +9,7 @@ from itertools import permutations
 from bridge.modem.settings import has_transmitter, modem_of
 from bridge.record.inputs.radio_switches import switches_of
 from bridge.scenario.model import Scenario
-from bridge.scenario.modems import GroundModem
+from bridge.scenario.modems import GroundModem, addressee_of
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.channel import channel_of
 from bridge.scenario.resolve.radio import radios_of
@@ -69,7 +69,8 @@ def _network(scenario: Scenario, name: str, disturbed_by: list[str]) -> NetworkP
 def _modems(
     scenario: Scenario, network: str, medium: MediumSettings, nodes: tuple[str, ...]
 ) -> Iterator[tuple[str, str]]:
-    for node, modem in scenario.modems_on(network).items():
+    modems = scenario.modems_on(network)
+    for node, modem in modems.items():
         found = modem_of(medium, modem.baud, is_transmitter=has_transmitter(medium, nodes, node))
         line = f"{found.baud} baud" if found.baud else "no serial line: bytes pass at once"
         at = (
@@ -77,7 +78,7 @@ def _modems(
             if isinstance(modem, GroundModem)
             else f"SERIAL{modem.serial}"
         )
-        yield node, f"{at}, {line}"
+        yield node, f"{at}, {line}, for {addressee_of(modems, node) or 'all'}"
 
 
 def _disturbed(scenario: Scenario) -> dict[str, list[str]]:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from lostlink import load_run
 from standin.vehicle.parameters import TABLE
 from tests.integration.bridge.mavlink.scripted_station import Said, flown, out_of
 from tests.warm import run_lostlink
@@ -138,6 +139,27 @@ def test_modems_lose_units_to_the_causes_that_the_links_have(
         assert lost == {cause: count for cause, count in link["lost"].items() if cause != "run_ended"}
     assert sum(links["0"]["lost"].values()) > 5
     assert ("base_loss" in links["0"]["lost"]) == (radio == "sik-433")
+
+
+@pytest.mark.slow
+def test_what_is_for_one_node_is_acknowledged_and_tried_again(
+    tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """Of two modems the station's frames are for the copter, as in `lostlink modem`; the copter's are for all."""
+    values = {"name": "wifi", "duration_s": 12, "radio": "{preset: wifi-2.4, base_loss: 0.3}", "count": 1}
+    text = SCENARIO.format(**values, slot=free_slot(1)).replace("{serial: 1}", "{serial: 1, to: all}")
+    said: Said = [(2.0 + turn / 20, mav.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)) for turn in range(190)]
+    run, summary = flown(text, tmp_path, said)
+    rows = load_run(run).packets.query("radio == 'telemetry'").groupby(["tx", "fate"], observed=True)
+    assert summary["outcome"] != "fail"
+    assert {fate for tx, fate in rows.groups if tx == "gcs"} == {"delivered"}
+    tries = rows.attempts.mean()
+    assert tries["gcs", "delivered"] == pytest.approx(1 / 0.7, rel=0.15)
+    assert tries["0", "delivered"] == tries["0", "base_loss"] == 1.0
+    counts = rows.size()
+    assert counts["0", "base_loss"] / counts["0"].sum() == pytest.approx(0.3, abs=0.15)
+    again = flown_again(run, tmp_path, free_slot(1))
+    assert again["difference"] is None
 
 
 @pytest.mark.slow

@@ -68,6 +68,19 @@ def test_units_that_the_channel_loses_have_its_cause(values: dict[str, Any], cau
     assert link.pair.modems[GROUND].counts.units_lost == {cause: 5}
 
 
+@pytest.mark.parametrize(("goes_by_messages", "place"), [(True, 1), (False, 10)])
+def test_a_heartbeat_goes_before_telemetry_where_queues_go_by_messages(
+    goes_by_messages: bool, place: int
+) -> None:
+    medium = {"model": "airtime", "bit_rate_bps": 9600, "queue": {"mavlink": goes_by_messages}}
+    link = link_of("xbee-900hp", medium=medium, bursts={"model": "none"})
+    for number in range(10):
+        link.receive(AIR, frame_of(60, number), 0)
+    link.receive(AIR, heartbeat(), 0)
+    came = [data[7:10] == b"\0\0\0" for end, (_, data) in link.advance(10 * S) if end == GROUND]
+    assert came.index(True) == place
+
+
 @pytest.mark.slow
 def test_units_in_chunks_that_came_damaged_are_erased() -> None:
     """ExpressLRS repeats frames that are lost; the last frame of a damaged chunk came."""

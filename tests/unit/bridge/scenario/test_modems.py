@@ -9,6 +9,7 @@ import pytest
 from bridge.program.standins import serials_of, standin_options
 from bridge.scenario.file import ScenarioError, parse_scenario
 from bridge.scenario.model import Scenario
+from bridge.scenario.modems import UaModem, addressee_of
 
 HEAD = """schema: 1
 name: made
@@ -42,6 +43,19 @@ def test_a_modem_is_at_a_serial_port_and_its_line_as_fast_as_its_firmware_has_it
     assert Scenario.from_yaml(scenario.to_yaml()) == scenario
 
 
+def test_frames_are_for_the_only_other_modem_or_as_their_key_says() -> None:
+    scenario = parsed("near: {}, far: {serial: 2, to: all}", "near: {}, far: {to: 0}")
+    for network, node, to in (
+        ("near", "0", "gcs"),
+        ("near", "gcs", "0"),
+        ("far", "0", None),
+        ("far", "gcs", "0"),
+    ):
+        assert addressee_of(scenario.modems_on(network), node) == to
+    three = {node: UaModem(to=to) for node, to in (("0", None), ("1", "gcs"), ("gcs", None))}
+    assert [addressee_of(three, node) for node in three] == [None, "gcs", None]
+
+
 @pytest.mark.parametrize(
     ("ua", "ground", "agent", "text"),
     [
@@ -53,6 +67,18 @@ def test_a_modem_is_at_a_serial_port_and_its_line_as_fast_as_its_firmware_has_it
         ("", "near: {serve: ['tcpin:here']}", "still", "'tcpin:here' is not tcpin:HOST:PORT"),
         ("", "near: {serve: ['http://there']}", "still", "is none of tcp:HOST:PORT"),
         ("", "near: {serial: 1}", "still", "serial"),
+        (
+            "near: {to: gcs}",
+            "far: {}",
+            "still",
+            "near.to: no other node gcs has a modem on near; there are: all",
+        ),
+        (
+            "near: {to: 0}",
+            "near: {}",
+            "still",
+            "near.to: no other node 0 has a modem on near; there are: all, gcs",
+        ),
         ("", "near: {}", "free", "nodes.gcs.modems: needs an agent of ours"),
     ],
 )
