@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lostlink.plan.load import OfferedLoad
 from lostlink.plan.plan import NodePlan, RunPlan
-from lostlink.plan.radios.reach import FARTHEST_M
+from lostlink.plan.radios.reach import FARTHEST_M, Reach
 
 KINDS = {"ground": "on the ground", "emitter": "an emitter"}
 NODES_SHOWN_MAX = 20
@@ -68,12 +68,10 @@ def _radio(plan: RunPlan) -> Iterator[str]:
         return
     for share, distance_m in radio.reach.distance_m.items():
         yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+    if set(radio.reach.distance_m.values()) != {FARTHEST_M}:
+        yield f"with both ends {radio.reach.height_m:g} m above the ground; lostlink link has other heights"
     for slot_rate, reach in radio.slot_reach.items():
-        shares = (
-            f"{float(share):.0%} up to {_distance(distance_m, radio.reach.limit_m)}"
-            for share, distance_m in reach.distance_m.items()
-        )
-        yield f"in slots of {slot_rate} bit/s {', '.join(shares)}"
+        yield f"in slots of {slot_rate} bit/s {_shares(reach, radio.reach.limit_m)}"
     if (preamble := radio.reach.preamble) is not None:
         level = f"lock on to no signal below {preamble.level_dbm:.4g} dBm (medium.preamble_dbm)"
         where = "anywhere" if preamble.distance_m is None else f"beyond {preamble.distance_m:g} m"
@@ -88,8 +86,21 @@ def _networks(plan: RunPlan) -> Iterator[str]:
             what = f"{network.radio}, {network.frequency_hz / 1e6:g} MHz, medium {network.medium}"
             disturbed = f"; disturbed by {', '.join(network.disturbed_by)}" if network.disturbed_by else ""
             yield f"{network.name}: {what}, nodes {', '.join(network.nodes)}{disturbed}"
+        if (reach := network.reach) is not None and reach.limit_m is not None:
+            what = (
+                f"packets of {reach.payload_bytes} bytes with both ends {reach.height_m:g} m above the ground"
+            )
+            yield f"{network.name}, {what}: {_shares(reach, reach.limit_m)}"
         for node, modem in network.modems.items():
             yield f"{network.name}, modem of node {node}: {modem}"
+
+
+def _shares(reach: Reach, limit_m: float) -> str:
+    """Which share arrives how far."""
+    return ", ".join(
+        f"{float(share):.0%} up to {_distance(distance_m, limit_m)}"
+        for share, distance_m in reach.distance_m.items()
+    )
 
 
 def _distance(distance_m: float | None, limit_m: float) -> str:

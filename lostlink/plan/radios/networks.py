@@ -21,6 +21,7 @@ from channel.access.settings.sik import SikMedium
 from channel.network.crossing import Crossing
 from channel.phy.error_model import Lossless
 from channel.variant import name_of
+from lostlink.plan.radios.reach import Reach, reach_of
 
 RATES_APART = 1.01
 """Factor between two rates that are not the same rate rounded."""
@@ -35,6 +36,7 @@ class NetworkPlan:
         nodes: ids of its nodes.
         disturbed_by: networks whose frames reach its receivers.
         modems: by node, what is at the serial side of its radio.
+        reach: how far packets of the radio's nominal length get; None of `main`, whose plan has that of data packages.
     """
 
     name: str
@@ -44,6 +46,7 @@ class NetworkPlan:
     nodes: tuple[str, ...]
     disturbed_by: tuple[str, ...]
     modems: dict[str, str]
+    reach: Reach | None
 
 
 def networks_of(scenario: Scenario) -> tuple[NetworkPlan, ...]:
@@ -54,7 +57,8 @@ def networks_of(scenario: Scenario) -> tuple[NetworkPlan, ...]:
 
 def _network(scenario: Scenario, name: str, disturbed_by: list[str]) -> NetworkPlan:
     radios = radios_of(scenario, network=name)
-    config = next(iter(radios.values())).config
+    radio = next(iter(radios.values()))
+    config = radio.config
     return NetworkPlan(
         name,
         config.name,
@@ -63,6 +67,7 @@ def _network(scenario: Scenario, name: str, disturbed_by: list[str]) -> NetworkP
         tuple(radios),
         tuple(disturbed_by),
         dict(_modems(scenario, name, config.medium, tuple(radios))),
+        None if name == MAIN else reach_of(radio, config.nominal_payload_bytes),
     )
 
 

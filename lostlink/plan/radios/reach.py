@@ -38,12 +38,16 @@ class Reach:
     """How far packets of a length get, at equal heights.
 
     Attributes:
+        payload_bytes: their length.
+        height_m: of both ends above the ground.
         distance_m: by share of packets delivered; None if it is nowhere so high.
         limit_m: as far as the model says anything; None if no share was looked for, as the place decides or the model
             refuses short distances.
         preamble: if it is not the error rate that ends it; else None.
     """
 
+    payload_bytes: int
+    height_m: float
     distance_m: dict[str, float | None]
     limit_m: float | None
     preamble: PreambleReach | None = None
@@ -51,8 +55,9 @@ class Reach:
 
 def reach_of(radio: Radio, payload_bytes: int) -> Reach:
     """The reach of a radio; of one whose law asks for places only that it does."""
+    height_m = radio.config.default_height_m
     if radio.config.propagation.needs_places:
-        return Reach({}, None)
+        return Reach(payload_bytes, height_m, {}, None)
     limit_m = FARTHEST_M
     while limit_m > NEAREST_M:
         distances = np.geomspace(NEAREST_M, limit_m, POINTS)
@@ -63,8 +68,8 @@ def reach_of(radio: Radio, payload_bytes: int) -> Reach:
             continue
         found = {share: _farthest(radio, payload_bytes, share, distances, chances) for share in SHARES}
         shares = {f"{share:g}": distance_m for share, distance_m in found.items()}
-        return Reach(shares, limit_m, _preamble(radio, payload_bytes, distances))
-    return Reach({}, None)
+        return Reach(payload_bytes, height_m, shares, limit_m, _preamble(radio, payload_bytes, distances))
+    return Reach(payload_bytes, height_m, {}, None)
 
 
 def _chances(radio: Radio, distances: FloatArray, payload_bytes: int) -> FloatArray:

@@ -12,6 +12,8 @@ from click.testing import CliRunner, Result
 
 from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario
 from bridge.scenario.resolve.radio import radio_from
+from channel.link.radio import Radio
+from channel.presets import load_radio
 from lostlink.cli.flying.check import check
 from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
@@ -532,18 +534,34 @@ def test_networks_modems_and_who_disturbs_whom() -> None:
     air = ["networks.wifi=wifi-2.4", "networks.control=elrs-2.4-333full"]
     told = checked(str(MODEMS), *(part for each in air for part in ("--set", each))).output
     lines = [line.strip() for line in told.split("Networks (5)\n")[1].split("\n\n")[0].splitlines()]
-    assert lines == [
+    assert (
+        len([line for line in lines if " bytes with both ends 40 m above the ground: 90% up to " in line])
+        == 4
+    )
+    assert [line for line in lines if "both ends" not in line] == [
         "main: perfect, 2412 MHz, medium ideal, nodes 0, 1, gcs",
         "near: sik-433, 433.92 MHz, medium sik, nodes 0, gcs",
-        "near, modem of node 0: SERIAL1, 57600 baud",
-        "near, modem of node gcs: served at tcpin::0, 57600 baud",
+        "near, modem of node 0: SERIAL1, 57600 baud, for gcs",
+        "near, modem of node gcs: served at tcpin::0, 57600 baud, for 0",
         "far: xbee-900hp, 915 MHz, medium airtime, nodes 0, 1, gcs",
-        "far, modem of node 0: SERIAL2, 115200 baud",
-        "far, modem of node 1: SERIAL1, 57600 baud",
-        "far, modem of node gcs: served at pty, no serial line: bytes pass at once",
+        "far, modem of node 0: SERIAL2, 115200 baud, for all",
+        "far, modem of node 1: SERIAL1, 57600 baud, for all",
+        "far, modem of node gcs: served at pty, no serial line: bytes pass at once, for all",
         "wifi: wifi-2.4, 2437 MHz, medium csma, nodes 0, gcs; disturbed by control",
         "control: elrs-2.4-333full, 2440 MHz, medium elrs, nodes 0, gcs; disturbed by wifi",
     ]
+
+
+def test_each_network_has_its_own_reach() -> None:
+    """Of `main`, with data packages, the plan of the radio has it."""
+    main, *others = plan_with("radio=perfect", "networks={near: sik-433, mesh: wifi-2.4}")["networks"]
+    assert main["reach"] is None
+    for network in others:
+        radio, reach = Radio(load_radio(network["radio"])), network["reach"]
+        assert (reach["payload_bytes"], reach["height_m"]) == (40, 40.0)
+        for share, distance_m in reach["distance_m"].items():
+            near, far = radio.probability_of_delivery([0.99 * distance_m, 1.01 * distance_m], 40)
+            assert far < float(share) < near
 
 
 @pytest.mark.slow
