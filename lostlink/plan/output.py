@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
+from typing import Any
+
+import yaml
 
 from lostlink.plan.load import OfferedLoad
 from lostlink.plan.plan import NodePlan, RunPlan
@@ -18,7 +22,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     yield f"{plan.scenario}: {plan.description}".rstrip(": ")
     yield (
         f"  at most {plan.duration_s:g} s of sim time, {plan.tick_rate_hz} ticks per second, speed {plan.speed}, "
-        f"seed {plan.seed}, autopilot {plan.autopilot}, wind {plan.wind}"
+        f"seed {plan.seed}, autopilot {plan.autopilot}, wind {_in_a_line(plan.wind)}"
     )
     yield from _section(f"Nodes ({len(plan.nodes)})", [_node(node) for node in plan.nodes])
     groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
@@ -37,6 +41,13 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     yield from _section("Expectations", list(plan.expectations))
     yield from _section("Not modelled", list(plan.not_modelled))
     yield from _section("Warnings", list(plan.warnings))
+
+
+def _in_a_line(wind: str | dict[str, Any]) -> str:
+    """A wind as a scenario names it: one that is spelt out as YAML."""
+    if isinstance(wind, str):
+        return wind
+    return yaml.safe_dump(wind, default_flow_style=True, sort_keys=False, width=math.inf).strip()
 
 
 def _section(title: str, lines: list[str]) -> Iterator[str]:

@@ -552,6 +552,11 @@ def test_networks_modems_and_who_disturbs_whom() -> None:
     ]
 
 
+def test_a_wind_that_is_spelt_out_is_told_as_scenarios_have_it() -> None:
+    wind = "{constant: {speed_mps: 8, from_deg: 270}, turbulence: {level: moderate}}"
+    assert checked("separation", "--set", f"wind={wind}").output.splitlines()[1].endswith(f", wind {wind}")
+
+
 def test_each_network_has_its_own_reach() -> None:
     """Of `main`, with data packages, the plan of the radio has it."""
     main, *others = plan_with("radio=perfect", "networks={near: sik-433, mesh: wifi-2.4}")["networks"]
