@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bridge.fleet.how import calls_standins, has_bus
 from bridge.scenario.model import Scenario
@@ -12,6 +14,10 @@ from bridge.scenario.nodes import Aircraft
 
 HOST = "127.0.0.1"
 PORT_MAX = 65535
+
+
+TOLD_MAX = 3
+"""Ports that are told each for itself, of those of which the same is to be done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,14 @@ class PortUse:
 
     def __str__(self) -> str:
         return f"{self.transport} port {self.port} ({self.purpose})"
+
+
+class Conflict(NamedTuple):
+    """A port, what is wrong with it ("" if nothing is), and what to do."""
+
+    use: PortUse
+    wrong: str = ""
+    remedy: str = ""
 
 
 def ports_of(scenario: Scenario, *, repeats: bool = False) -> Iterator[PortUse]:
@@ -108,36 +122,56 @@ def why_no_loopback() -> str:
 def conflicts(uses: Iterable[PortUse], held: Collection[PortUse] = ()) -> list[str]:
     """One line for each port that cannot be had: number, purpose, owner if known, and how to change it.
 
+    Of more than `TOLD_MAX` that are changed in one way there is one line, with the first of them and how many more.
+
     Args:
         uses: the ports that are wanted.
         held: those of them that another run has, and may not have bound yet.
     """
-    return [line for use, mistake in _settled(uses) if (line := mistake or _taken(use, held))]
+    settled = list(_settled(uses))
+    taken = dict.fromkeys(held, "is in use by another run")
+    taken |= _bound([each.use for each in settled if not each.wrong and not each.use.is_free])
+    return _lines(
+        each if each.wrong else Conflict(each.use, taken[each.use], _remedy(each.use))
+        for each in settled
+        if each.wrong or each.use in taken
+    )
 
 
 def mistakes(uses: Iterable[PortUse]) -> list[str]:
     """Those of `conflicts` that are the scenario's own, whatever else is on the machine."""
-    return [mistake for _, mistake in _settled(uses) if mistake]
+    return _lines(each for each in _settled(uses) if each.wrong)
 
 
-def _settled(uses: Iterable[PortUse]) -> Iterator[tuple[PortUse, str]]:
-    """Each port that is wanted, and what is wrong with that; empty if nothing is."""
+def _lines(found: Iterable[Conflict]) -> list[str]:
+    by_remedy: dict[str, list[str]] = {}
+    for use, wrong, remedy in found:
+        by_remedy.setdefault(remedy, []).append(f"{use} {wrong}")
+    lines = []
+    for remedy, told in by_remedy.items():
+        if (more := len(told) - TOLD_MAX) > 0:
+            plural = remedy.replace("free it", "free them", 1)
+            lines.append(f"{', '.join(told[:TOLD_MAX])}, and so are {more} more: {plural}")
+        else:
+            lines += [f"{each}: {remedy}" for each in told]
+    return lines
+
+
+def _settled(uses: Iterable[PortUse]) -> Iterator[Conflict]:
+    """Each port that is wanted, and what is wrong with that in the scenario itself."""
     seen: dict[tuple[str, int], PortUse] = {}
     for use in uses:
         key = (use.transport, use.port)
         if key in seen:
-            yield use, f"{use} is also wanted for {seen[key].purpose}: change {use.setting} in the scenario"
+            wrong = f"is also wanted for {seen[key].purpose}"
+            yield Conflict(use, wrong, f"change {use.setting} in the scenario")
         elif use.port > PORT_MAX:
-            yield use, f"{use} is beyond {PORT_MAX}: lower {use.setting} or ports.first_slot in the scenario"
+            yield Conflict(
+                use, f"is beyond {PORT_MAX}", f"lower {use.setting} or ports.first_slot in the scenario"
+            )
         else:
-            yield use, ""
+            yield Conflict(use)
         seen[key] = use
-
-
-def _taken(use: PortUse, held: Collection[PortUse]) -> str:
-    if not use.is_free:
-        return f"{use} is in use{_owner(use)}: {_remedy(use)}"
-    return f"{use} is in use by another run: {_remedy(use)}" if use in held else ""
 
 
 def _remedy(use: PortUse) -> str:
@@ -150,20 +184,22 @@ def _remedy(use: PortUse) -> str:
     return f"free it, or move all UA with --first-slot N (auto: to free ports), or change {use.setting} in the scenario"
 
 
-def _owner(use: PortUse) -> str:
-    """By whom a port is held, as far as this user may know."""
+def _bound(uses: Collection[PortUse]) -> dict[PortUse, str]:
+    """What is wrong with ports that are bound: by whom, as far as this user may know."""
+    if not uses:
+        return {}
     import psutil  # late: few ports are in use
 
-    kind = "udp4" if use.transport == "UDP" else "tcp4"
-    try:
-        for connection in psutil.net_connections(kind):
-            if (
-                connection.laddr
-                and connection.laddr.port == use.port
-                and connection.pid
-                and not connection.raddr
-            ):
-                return f" by {psutil.Process(connection.pid).name()} (pid {connection.pid})"
-    except psutil.Error:
-        return ""
-    return ""
+    owners = {}
+    for transport, kind in (("UDP", "udp4"), ("TCP", "tcp4")):
+        with suppress(psutil.Error):
+            for each in psutil.net_connections(kind):
+                if each.laddr and each.pid and not each.raddr:
+                    owners[transport, each.laddr.port] = each.pid
+    found = {}
+    for use in uses:
+        found[use] = "is in use"
+        with suppress(psutil.Error, KeyError):
+            pid = owners[use.transport, use.port]
+            found[use] += f" by {psutil.Process(pid).name()} (pid {pid})"
+    return found

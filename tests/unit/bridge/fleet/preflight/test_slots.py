@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from bridge.fleet.course import FleetError
@@ -137,6 +138,34 @@ def test_ports_of_a_run_that_has_not_bound_them_yet_are_told_as_in_use() -> None
     )
     with at_own_ports(other) as placed:
         assert placed is other
+
+
+def test_of_a_fleet_whose_ports_are_taken_the_first_are_told_and_how_many_more() -> None:
+    scenario = scenario_of(60).model_copy(
+        update={"ports": Ports(zenoh=0, aps=APS, first_slot=1500), "api": True}
+    )
+    api, aps = 8760 + 15000, APS + 15000
+    with (
+        socket.create_server(("127.0.0.1", api + 10)),
+        socket.create_server(("127.0.0.1", api + 50)),
+        at_own_ports(scenario.model_copy(update={"api": False})),
+        pytest.raises(FleetError) as told,
+        at_own_ports(scenario),
+    ):
+        pass
+    who = psutil.Process().name()
+    servers = ", ".join(
+        f"TCP port {aps + 10 * ua} (MAVLink server of UA {ua}) is in use by another run" for ua in range(3)
+    )
+    move = "or move all UA with --first-slot N (auto: to free ports), or change"
+    assert str(told.value).splitlines() == [
+        f"{servers}, and so are 57 more: free them, {move} ports.aps in the scenario",
+        *(
+            f"TCP port {api + 10 * ua} (HTTP API of UA {ua}) is in use by {who} (pid {os.getpid()}): free it, {move} "
+            "ports.api in the scenario"
+            for ua in (1, 5)
+        ),
+    ]
 
 
 def test_a_port_that_is_an_autopilots_here_and_a_servers_there_is_told_before_either_binds_it() -> None:
