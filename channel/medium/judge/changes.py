@@ -76,16 +76,20 @@ class PowerChange:
         ratio: mean of its square with the defect.
         slope: of its mean square, by the correlation of shadowing, or else of the line of sight.
         way: of both ends, in decorrelation distances, shape (2, 3).
-        first: of the two packets.
-        second: the other.
+        radio: of the link.
+        link: its number.
+        sim_time_ns: of the two packets, shape (2,).
+        ends_ned_m: of both ends then, shape (2, 2, 3).
     """
 
     normal: float
     ratio: float
     slope: float
     way: FloatArray
-    first: HeardPower
-    second: HeardPower
+    radio: Radio
+    link: int
+    sim_time_ns: NDArray[np.int64]
+    ends_ned_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -175,7 +179,10 @@ class Changes:
             more = _lasting(first.radio, other) - _lasting(first.radio, law)
             slope = _within(changed, changed / more, way) if more else 0.0
         normal = _scores(np.array([change_in_steps(first, second)]), right, uniform[-1:])
-        return PowerChange(float(normal[0]), ratio, slope, way, first, second)
+        both = HeardPowers.of([first, second])
+        return PowerChange(
+            float(normal[0]), ratio, slope, way, first.radio, first.link, both.sim_time_ns, both.ends_ned_m
+        )
 
     def checks(self) -> Iterator[Check | Unjudged]:
         """Yield what there is to say; nothing if no law says anything of the question."""
@@ -226,14 +233,14 @@ def _together(pairs: list[PowerChange]) -> float:
     """
     links: dict[int, list[PowerChange]] = {}
     for pair in pairs:
-        links.setdefault(pair.first.link, []).append(pair)
+        links.setdefault(pair.link, []).append(pair)
     total = 0.0
     for each in links.values():
         some = each[:: -(-len(each) // MAX_OF_LINK)]
-        both = [(pair.first, pair.second) for pair in some]
-        when_ns = np.array([[look.sim_time_ns for look in pair] for pair in both], dtype=np.int64)
-        ends_ned_m = np.array([[look.ends_ned_m for look in pair] for pair in both])
-        squares = np.square(of_changes(some[0].first.radio.config, when_ns, ends_ned_m))
+        when_ns, ends_ned_m = (
+            np.array([getattr(pair, n) for pair in some]) for n in ("sim_time_ns", "ends_ned_m")
+        )
+        squares = np.square(of_changes(some[0].radio.config, when_ns, ends_ned_m))
         apart = float(squares.sum() - np.trace(squares))
         total += len(each) + apart * (len(each) / len(some)) ** 2
     return total / len(pairs) ** 2

@@ -74,6 +74,10 @@ class HeardPowers(NamedTuple):
             np.array([look.speed_mps for look in looks]),
         )
 
+    def followed_by(self, look: HeardPower) -> HeardPowers:
+        """Return these and one more, which as a look has its path beside it, and is much larger."""
+        return HeardPowers._make(map(np.concatenate, zip(self, HeardPowers.of([look]), strict=True)))
+
 
 def heard_power(
     radio: Radio, links: LinksOfPass, number: int, row: int, mean_dbm: float, dbm: float

@@ -11,6 +11,7 @@ from channel.medium.judge.heard import HeardPower, HeardPowers
 
 MAX_SPOTS = 400
 """Of one link; of all together where links share their surroundings."""
+NONE = HeardPowers.of([])
 
 
 class Crowding(NamedTuple):
@@ -35,7 +36,7 @@ class Spots:
 
     def __init__(self, apart: float) -> None:
         self._apart = apart
-        self._seen: dict[int, list[HeardPower]] = {}
+        self._seen: dict[int, HeardPowers] = {}
 
     def crowding(self, look: HeardPower) -> Crowding | None:
         """Keep a place, and return how it goes together with those before it; None: it is too near to one.
@@ -45,19 +46,19 @@ class Spots:
         """
         shared = shared_ends(look.radio) > 0.0
         alike = shared or look.radio.terms_are_of_places
-        seen = self._seen.setdefault(-1 if alike else look.link, [])
-        if len(seen) >= MAX_SPOTS:
+        key = -1 if alike else look.link
+        others = self._seen.get(key, NONE)
+        if len(others.link) >= MAX_SPOTS:
             return None
         crowding = Crowding(0.0, 0.0)
-        if seen:
-            others = HeardPowers.of(seen)
+        if len(others.link):
             if _nearest_m(look, others, shared=shared) < self._apart * lasting_m(look.radio):
                 return None
             each = correlations(look, others)
             level = np.max((each.shadowing, each.sight, np.square(each.fading)), axis=0)
             strongest = np.max(np.abs(each), axis=0)
             crowding = Crowding(float(level.sum()), float(np.square(strongest).sum()))
-        seen.append(look)
+        self._seen[key] = others.followed_by(look)
         return crowding
 
 

@@ -1,5 +1,8 @@
 """The verdict on a run: what it must not say of a right one, and must say of a wrong one."""
 
+import gc
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -22,6 +25,24 @@ def radio(name, changes=None):
 def test_nothing_drawn_is_nothing_judged():
     assert not Judge(NODES).verdict().judged
     assert Verdict(()).passed
+
+
+def test_a_judge_keeps_little_of_each_packet_that_it_looks_at():
+    """Long flights have thousands: with the paths of their links they were nearly all that a run grew by."""
+    own, judge = radio("corrected"), Judge(NODES)
+    tracemalloc.start()
+    try:
+        verdict = verdict_of(own, judge, 3, FEWER // 4, reach_m(own))
+        kept_bytes = tracemalloc.get_traced_memory()[0]
+        del judge
+        gc.collect()
+        kept_bytes -= tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    sizes = {each.name: each.size for each in verdict.checks}
+    looks = sizes["level of the powers"] + 2 * sizes["powers from packet to packet"]
+    assert looks > 300
+    assert kept_bytes < 1500 * looks
 
 
 @pytest.mark.parametrize("name", ["moon2020", pytest.param("wifi-2.4", marks=pytest.mark.slow), "disk"])
