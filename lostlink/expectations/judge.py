@@ -76,7 +76,7 @@ def judge(
         ValueError, OSError: a table cannot be read, unless ``as_far_as_possible``.
     """
     wanted = scenario.expectations if expectations is None else expectations
-    judges = _Judge(run, scenario, PacketFinder(run, scenario), PlaceFinder(run, scenario), ending)
+    judges = _Judge(run, scenario, PacketFinder(run, scenario, wanted), PlaceFinder(run, scenario), ending)
     return [(judges.if_possible if as_far_as_possible else judges.judgement)(each) for each in wanted]
 
 

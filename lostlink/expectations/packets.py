@@ -2,73 +2,123 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.deliveries import TRANSPORT
-from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
+from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation, Expectation
 from bridge.scenario.model import Scenario
-from lostlink.reading.ages import sawtooth
-from lostlink.reading.positions import distances_m, places_at, places_of
-from lostlink.reading.rows import DeliveryRows, link_rows
+from lostlink.reading.ages import LinkTimes, sawtooth, times_of
+from lostlink.reading.positions import Floats, distances_m, places_at, places_of
+from lostlink.reading.rows import Deliveries, DeliveryRows, RecordedDeliveries
 
 DECIMALS_S = 9
-Mask = NDArray[np.bool_]
+NOTHING_NS = np.empty(0, dtype=np.int64)
+
+
+class _Heard(NamedTuple):
+    """The deliveries to some nodes, by their places, on a radio network, or on any."""
+
+    deliveries: Deliveries
+    receivers: Sequence[int]
+    radio: str | None
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return self.deliveries.nodes
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        return self.deliveries.networks
+
+    def parts(self, *names: str) -> Iterator[DeliveryRows]:
+        for rows in self.deliveries.parts(*names, *([] if self.radio is None else ["radio"])):
+            meant = np.isin(rows.columns["rx"], self.receivers)
+            yield rows.at(meant if self.radio is None else meant & (rows.columns["radio"] == self.radio))
 
 
 class PacketFinder:
-    """Looks into `deliveries` of a run, which are read when they are first asked for.
+    """Looks into `deliveries` of a run, which are read when they are first asked for, for all expectations together.
 
     Args:
         run: its directory.
         scenario: what was flown.
+        expectations: that will be asked for.
     """
 
-    def __init__(self, run: Path, scenario: Scenario) -> None:
+    def __init__(self, run: Path, scenario: Scenario, expectations: Sequence[Expectation]) -> None:
         self._run, self._nodes, self._stations = run, scenario.transceiver_ids, scenario.stations
+        self._deliveries, self._expectations = RecordedDeliveries(run, self._nodes), expectations
+        self._counts: dict[DeliveryExpectation, NDArray[np.int64]] = {}
+        self._times: dict[str | None, dict[int, LinkTimes]] = {}
 
     @cached_property
-    def _rows(self) -> DeliveryRows:
-        return link_rows(self._run, self._nodes, ("radio", "sim_time_ns", "received_ns", "distance_m"))
+    def _places(self) -> tuple[NDArray[np.int64], dict[str, Floats]]:
+        return places_of(self._run, self._stations)
 
-    @cached_property
-    def _distance_m(self) -> NDArray[np.float64]:
+    def _distance_m(self, rows: DeliveryRows) -> Floats:
         """Of the ends of each row, as `distances_m` gives it."""
-        columns = self._rows.columns
-        return distances_m(columns["distance_m"], columns["fate"] == TRANSPORT, self._ends)
+        c = rows.columns
 
-    def _ends(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where both ends of some rows were when these were transmitted."""
-        columns, (ticks_ns, tracks) = self._rows.columns, places_of(self._run, self._stations)
-        at_ns, ends = columns["sim_time_ns"][rows], np.empty((2, len(rows), 3))
-        for places, nodes in zip(ends, (columns["tx"][rows], columns["rx"][rows]), strict=True):
-            for number in np.unique(nodes).tolist():
-                mine = nodes == number
-                places[mine] = places_at(ticks_ns, tracks[self._nodes[number]], at_ns[mine])
-        return ends[0], ends[1]
+        def ends(places: NDArray[np.intp]) -> tuple[Floats, Floats]:
+            """Where both ends of some rows were when these were transmitted."""
+            at_ns, (ticks_ns, tracks) = c["sim_time_ns"][places], self._places
+            found = np.empty((2, len(places), 3))
+            for end, nodes in zip(found, (c["tx"][places], c["rx"][places]), strict=True):
+                for number in np.unique(nodes).tolist():
+                    mine = nodes == number
+                    end[mine] = places_at(ticks_ns, tracks[self._nodes[number]], at_ns[mine])
+            return found[0], found[1]
+
+        return distances_m(c["distance_m"], c["fate"] == TRANSPORT, ends)
 
     def shares(self, wanted: DeliveryExpectation) -> list[float]:
         """Delivered per sent: of all packets that are meant together, or of each link; nothing if none was sent."""
+        if wanted not in self._counts:
+            self._count(has_distance=wanted.distance_m is not None)
+        sent, delivered = self._counts[wanted]
         if not wanted.each_link:
-            return self._share(wanted, wanted.from_, wanted.to)
-        senders = self._nodes if wanted.from_ is None else (wanted.from_,)
-        receivers = self._nodes if wanted.to is None else (wanted.to,)
-        return [
-            share for tx in senders for rx in receivers if tx != rx for share in self._share(wanted, tx, rx)
-        ]
+            sent, delivered = sent.sum(keepdims=True), delivered.sum(keepdims=True)
+        return [float(d / s) for s, d in zip(sent, delivered, strict=True) if s]
 
-    def _share(self, wanted: DeliveryExpectation, tx: str | None, rx: str | None) -> list[float]:
-        chosen = self._of(tx, rx, wanted.radio) & self._between(wanted.between_s)
-        if wanted.distance_m is not None:
-            low, high = wanted.distance_m
-            chosen &= (self._distance_m >= low) & (self._distance_m <= high)
-        packets = self._rows.columns["packets"]
-        sent = packets[chosen].sum()
-        delivered = packets[chosen & self._rows.is_delivered].sum()
-        return [float(delivered / sent)] if sent else []
+    def _count(self, *, has_distance: bool) -> None:
+        """Count what all expectations mean that have a distance, or have none: packets of each link."""
+        links = len(self._nodes) ** 2
+        found = {
+            each: np.zeros((2, links), dtype=np.int64)
+            for each in self._expectations
+            if isinstance(each, DeliveryExpectation) and (each.distance_m is not None) is has_distance
+        }
+        radio = ["radio"] if any(each.radio is not None for each in found) else []
+        for rows in self._deliveries.parts("sim_time_ns", "distance_m", *radio):
+            packets, is_delivered = rows.columns["packets"].astype(np.int64), rows.is_delivered
+            distance_m = self._distance_m(rows) if has_distance else rows.columns["distance_m"]
+            for each, counts in found.items():
+                chosen = self._meant(each, rows, distance_m)
+                for count, rows_counted in zip(counts, (chosen, chosen & is_delivered), strict=True):
+                    np.add.at(count, rows.link[rows_counted], packets[rows_counted])
+        self._counts |= found
+
+    def _meant(
+        self, wanted: DeliveryExpectation, rows: DeliveryRows, distance_m: Floats
+    ) -> NDArray[np.bool_]:
+        """Which rows are meant."""
+        chosen = np.ones(len(rows), dtype=np.bool_)
+        for end, node in (("tx", wanted.from_), ("rx", wanted.to)):
+            if node is not None:
+                chosen &= rows.columns[end] == self._nodes.index(node)
+        if wanted.radio is not None:
+            chosen &= rows.columns["radio"] == wanted.radio
+        times_s = rows.columns["sim_time_ns"] / 1e9  # the floats of the scenario: no product is
+        for values, bounds in ((times_s, wanted.between_s), (distance_m, wanted.distance_m)):
+            if bounds is not None:
+                chosen &= (values >= bounds[0]) & (values <= bounds[1])
+        return chosen
 
     def age_s(self, wanted: AgeExpectation, end_s: float) -> float | None:
         """The greatest age of information (`lostlink.reading.ages`); of what was never heard from the run's begin.
@@ -82,32 +132,31 @@ class PacketFinder:
         if until_s < begin_s or not end_s:  # a run that ended before its first tick has no instant
             return None
         senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
-        heard = [self._of(tx, wanted.node, wanted.radio) & self._rows.is_delivered for tx in senders]
-        return max((self._greatest_age_s(rows, begin_s, until_s) for rows in heard), default=None)
+        links = [self._nodes.index(tx) * len(self._nodes) + self._nodes.index(wanted.node) for tx in senders]
+        times = self._times_by(wanted.radio)
+        return max((_greatest_age_s(times.get(link), begin_s, until_s) for link in links), default=None)
 
-    def _greatest_age_s(self, heard: Mask, begin_s: float, until_s: float) -> float:
-        generated_ns, came_ns = (self._rows.columns[name][heard] for name in ("sim_time_ns", "received_ns"))
-        begin_ns, until_ns = round(begin_s * 1e9), round(until_s * 1e9)
-        at_begin_ns = begin_ns - generated_ns[came_ns <= begin_ns].max(initial=0)  # all that an instant has
-        peak_s = sawtooth(generated_ns, came_ns, begin_ns, until_ns, since_ns=0).age.peak_s
-        return round(float(np.fmax(peak_s, at_begin_ns / 1e9)), DECIMALS_S)
+    def _times_by(self, radio: str | None) -> dict[int, LinkTimes]:
+        """By link, of all that are meant and had a packet on a radio network, or on any."""
+        if radio not in self._times:
+            wanted = [each for each in self._expectations if isinstance(each, AgeExpectation)]
+            receivers = [self._nodes.index(node) for node in sorted({each.node for each in wanted})]
+            self._times[radio] = {
+                each.link: each for each in times_of(_Heard(self._deliveries, receivers, radio))
+            }
+        return self._times[radio]
 
     def lost_by_host(self) -> int:
         """Packets that never got to the radio, once per receiver."""
-        columns = self._rows.columns
-        return int(columns["packets"][columns["fate"] == TRANSPORT].sum())
+        return sum(
+            int(rows.columns["packets"][rows.columns["fate"] == TRANSPORT].sum())
+            for rows in self._deliveries.parts()
+        )
 
-    def _of(self, tx: str | None, rx: str | None, radio: str | None) -> Mask:
-        """Rows of a sender, receiver and radio network; None: any."""
-        columns = self._rows.columns
-        chosen = np.ones(len(columns["tx"]), dtype=np.bool_)
-        for end, node in (("tx", tx), ("rx", rx)):
-            if node is not None:
-                chosen &= columns[end] == self._nodes.index(node)
-        return chosen if radio is None else chosen & (columns["radio"] == radio)
 
-    def _between(self, interval_s: tuple[float, float] | None) -> Mask:
-        times_s = self._rows.columns["sim_time_ns"] / 1e9  # the floats of the scenario: no product is
-        if interval_s is None:
-            return np.ones(len(times_s), dtype=np.bool_)
-        return (times_s >= interval_s[0]) & (times_s <= interval_s[1])
+def _greatest_age_s(heard: LinkTimes | None, begin_s: float, until_s: float) -> float:
+    generated_ns, came_ns = (heard.generated_ns, heard.received_ns) if heard else (NOTHING_NS, NOTHING_NS)
+    begin_ns, until_ns = round(begin_s * 1e9), round(until_s * 1e9)
+    at_begin_ns = begin_ns - generated_ns[came_ns <= begin_ns].max(initial=0)  # all that an instant has
+    peak_s = sawtooth(generated_ns, came_ns, begin_ns, until_ns, since_ns=0).age.peak_s
+    return round(float(np.fmax(peak_s, at_begin_ns / 1e9)), DECIMALS_S)

@@ -23,12 +23,11 @@ from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.under_ground import under_ground
 from lostlink.flight.verdict import UNJUDGED, verdict_of
 from lostlink.plan.radios.held import held_back
-from lostlink.reading.air.account import AirAccount, AirTally
-from lostlink.reading.air.capacity import Capacity
-from lostlink.reading.air.use import NEEDED, NS_PER_S
+from lostlink.reading.air.account import AirAccount, tallies_of
+from lostlink.reading.air.use import NS_PER_S
 from lostlink.reading.links.counts import link_counts
 from lostlink.reading.links.routes import on_air_ns
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import RecordedDeliveries
 
 SCHEMA = 3
 BIN_SENT_MIN = 50
@@ -188,7 +187,7 @@ def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
     if not DELIVERIES.is_in(run.path):
         return []
     try:
-        columns = link_counts(run.path, run.scenario.transceiver_ids)
+        columns = link_counts(run.path, run.scenario.transceiver_ids, run.scenario.network_names)
     except (OSError, TableError):
         return []  # why it cannot be read is reported where it should have become Parquet
     rows = [
@@ -205,21 +204,13 @@ def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:
 
 def _air(scenario: Scenario, run: RunDirectory, timing: Timing) -> list[AirAccount]:
     """The account of each network; none if there are no deliveries, or they cannot be read."""
-    tallies = {name: AirTally(Capacity.of(scenario, name)) for name in scenario.network_names}
-    has_rows = False
     try:
-        for rows in DeliveryRows.some_at_a_time(run.path, scenario.transceiver_ids, NEEDED):
-            each = rows.each()
-            has_rows = has_rows or len(each) > 0
-            for name, tally in tallies.items():
-                tally.add(each.at(each.columns["radio"] == name))
+        tallies = tallies_of(RecordedDeliveries(run.path, scenario.transceiver_ids, may_lack=True), scenario)
     except (OSError, TableError):
         return []  # why it cannot be read is reported where it should have become Parquet
-    if not has_rows:
-        return []
     end_ns = round(timing.sim_duration_s * NS_PER_S) + scenario.tick_period_ns
-    on_air = on_air_ns(run.path)
-    return [tally.account(end_ns, on_air.get(name)) for name, tally in tallies.items()]
+    on_air = on_air_ns(run.path) if tallies else {}
+    return [tally.account(end_ns, on_air.get(tally.capacity.network)) for tally in tallies]
 
 
 def write_summary(summary: dict[str, Any], run: RunDirectory) -> None:

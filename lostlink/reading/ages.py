@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.schema import Columns
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import Deliveries, most_links
 
 NS_PER_S: Final = 1e9
 SHARE: Final = 0.95
 NEEDED: Final = ("sim_time_ns", "received_ns")
-"""Columns that `DeliveryRows` have to have for this."""
+"""Columns of the deliveries that this is computed from."""
 Times = NDArray[np.int64]
 
 
@@ -122,20 +122,26 @@ class LinkTimes(NamedTuple):
         return sawtooth(self.generated_ns, self.received_ns, self.first_ns, end_ns)
 
 
-def times_of(rows: DeliveryRows) -> list[LinkTimes]:
-    """The times of each link that had a packet, by sender, then receiver. Rows have `NEEDED`."""
-    sent_ns = rows.columns["sim_time_ns"]
-    first = np.full(len(rows.links), np.iinfo(np.int64).max)
-    np.minimum.at(first, rows.place, sent_ns)
-    came = np.flatnonzero(rows.is_delivered)
-    came = came[np.argsort(rows.place[came], kind="stable")]
-    bounds = np.searchsorted(rows.place[came], np.arange(len(rows.links) + 1)).tolist()
-    generated, received = sent_ns[came], rows.columns["received_ns"][came]
+def times_of(deliveries: Deliveries) -> list[LinkTimes]:
+    """The times of each link that had a packet, by network, then sender, then receiver."""
+    links, never_ns = most_links(deliveries), np.iinfo(np.int64).max
+    first, came = np.full(links, never_ns), np.zeros(links, dtype=np.int64)
+    for rows in deliveries.parts(*NEEDED):
+        np.minimum.at(first, rows.link, rows.columns["sim_time_ns"])
+        came += np.bincount(rows.link[rows.is_delivered], minlength=links)
+    bounds = np.concatenate([[0], np.cumsum(came)])
+    generated, received = np.empty((2, bounds[-1]), dtype=np.int64)
+    after = bounds[:-1].copy()
+    for rows in deliveries.parts(*NEEDED):
+        mine = rows.at(rows.is_delivered)
+        mine = mine.at(np.argsort(mine.link, kind="stable"))
+        at = after[mine.link] + np.arange(len(mine)) - np.searchsorted(mine.link, mine.link)
+        generated[at], received[at] = mine.columns["sim_time_ns"], mine.columns["received_ns"]
+        after += np.bincount(mine.link, minlength=links)
     return [
-        LinkTimes(link, first_ns, generated[begin:end], received[begin:end])
-        for link, first_ns, (begin, end) in zip(
-            rows.links.tolist(), first.tolist(), pairwise(bounds), strict=True
-        )
+        LinkTimes(link, int(first[link]), generated[begin:end], received[begin:end])
+        for link, (begin, end) in enumerate(pairwise(bounds.tolist()))
+        if first[link] < never_ns
     ]
 
 

@@ -12,13 +12,10 @@ import numpy as np
 from bridge.record.tables.schema import TableError
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import Deliveries, RecordedDeliveries
 
 if TYPE_CHECKING:
     from channel.link.radio import Radio
-
-COLUMNS = ("length_bytes", "radio")
-"""Of the deliveries, that this is computed from."""
 
 
 def median_payload_bytes(radio: Radio, packets: Mapping[int, int]) -> int | None:
@@ -31,20 +28,21 @@ def median_payload_bytes(radio: Radio, packets: Mapping[int, int]) -> int | None
     return max(0, median_bytes - radio.length_bytes(0))
 
 
-def packets_by_length(rows: DeliveryRows) -> dict[int, int]:
-    """How many packets of each length there are on `main`, in rows with `COLUMNS`."""
-    mine = rows.columns["radio"] == MAIN
-    lengths, place = np.unique(rows.columns["length_bytes"][mine], return_inverse=True)
-    counts = np.bincount(place, rows.columns["packets"][mine], len(lengths)).astype(np.int64)
-    return dict(zip(lengths.tolist(), counts.tolist(), strict=True))
+def packets_by_length(deliveries: Deliveries) -> dict[int, int]:
+    """How many packets of each length there are on `main`."""
+    found: Counter[int] = Counter()
+    for rows in deliveries.parts("length_bytes", "radio"):
+        mine = rows.columns["radio"] == MAIN
+        lengths, place = np.unique(rows.columns["length_bytes"][mine], return_inverse=True)
+        counts = np.bincount(place, rows.columns["packets"][mine], len(lengths)).astype(np.int64)
+        found.update(dict(zip(lengths.tolist(), counts.tolist(), strict=True)))
+    return found
 
 
 def recorded_payload_bytes(run: Path, scenario: Scenario, radio: Radio) -> int | None:
     """The median payload of a run's packets; None if none is recorded, or the table cannot be read."""
-    packets: Counter[int] = Counter()
     try:
-        for rows in DeliveryRows.some_at_a_time(run, scenario.transceiver_ids, COLUMNS):
-            packets.update(packets_by_length(rows))
+        packets = packets_by_length(RecordedDeliveries(run, scenario.transceiver_ids, may_lack=True))
     except (OSError, TableError):
         return None
     return median_payload_bytes(radio, packets)

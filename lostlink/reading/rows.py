@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ LINK = ("tx", "rx", "packets", "fate")
 """Columns that are there in any case."""
 WRITTEN_BY = ("received_ns", "arrived_ns")
 """Columns by which a run puts its rows in order."""
+Cells = NDArray[np.int64]
 RUN_ENDED = FATES.index(Fate.RUN_ENDED.value)
 
 
@@ -42,10 +43,12 @@ class DeliveryRows:
         nodes: ids of all nodes; ``tx`` and ``rx`` are places in it, ``rx`` of a row for everybody is their number, and
             ``fate`` is a place in `bridge.record.tables.deliveries.FATES`.
         columns: by name, of one length.
+        networks: names of the radio networks that links are told apart by; of more than one the rows have ``radio``.
     """
 
     nodes: tuple[str, ...]
     columns: Columns
+    networks: tuple[str, ...] = (MAIN,)
 
     @classmethod
     def read(cls, run: Path, nodes: Sequence[str], names: Sequence[str] | None = None) -> DeliveryRows:
@@ -60,38 +63,31 @@ class DeliveryRows:
         return cls(tuple(nodes), read_deliveries(run, nodes, chosen) if is_there else no_deliveries(chosen))
 
     @classmethod
-    def some_at_a_time(cls, run: Path, nodes: Sequence[str], names: Sequence[str]) -> Iterator[DeliveryRows]:
-        """As `read`, in parts: a record of many UA is larger than memory."""
-        if DELIVERIES.is_in(run):
-            for columns in read_batches(run, DELIVERIES, (*LINK, *names), labels_of(nodes)):
-                yield cls(tuple(nodes), columns)
-
-    @classmethod
     def joined(cls, parts: Sequence[DeliveryRows]) -> DeliveryRows:
         """The rows of all parts, of which there is at least one, one part behind the other."""
-        return cls(parts[0].nodes, joined([part.columns for part in parts]))
+        return replace(parts[0], columns=joined([part.columns for part in parts]))
 
     def __len__(self) -> int:
         return len(self.columns["tx"])
 
+    def parts(self, *_names: str) -> Iterator[DeliveryRows]:
+        """As of `Deliveries`: all of them at once."""
+        yield self
+
     def at(self, rows: NDArray[Any] | slice) -> DeliveryRows:
         """Some of the rows."""
-        return DeliveryRows(self.nodes, {name: values[rows] for name, values in self.columns.items()})
+        return replace(self, columns={name: values[rows] for name, values in self.columns.items()})
 
     def only(self, names: Sequence[str]) -> DeliveryRows:
         """The rows with these columns."""
-        return DeliveryRows(self.nodes, {name: self.columns[name] for name in names})
+        return replace(self, columns={name: self.columns[name] for name in names})
 
     def each(self) -> DeliveryRows:
         """The rows with one for each receiver in the place of one for everybody."""
-        return DeliveryRows(self.nodes, for_each_receiver(self.columns, len(self.nodes)))
+        return replace(self, columns=for_each_receiver(self.columns, len(self.nodes)))
 
-    def sorted(self) -> DeliveryRows:
-        """The rows in the order of their keys."""
-        return self.at(np.argsort(self.keys(), kind="stable"))
-
-    def in_order_of(self, record: DeliveryRows, network: NDArray[np.intp]) -> DeliveryRows:
-        """The rows in the order of a record with the same ones, at the same instants; else as a run writes them.
+    def order_of(self, record: DeliveryRows, network: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The order of a record with the same rows, at the same instants; else that in which a run writes them.
 
         Args:
             record: with the columns of these.
@@ -102,12 +98,11 @@ class DeliveryRows:
         order = np.empty_like(mine)
         if np.array_equal(keys[mine], known[theirs]):
             order[theirs] = mine
-            found = self.at(order)
-            if all(np.array_equal(found.columns[name], record.columns[name]) for name in WRITTEN_BY):
-                return found
+            if all(np.array_equal(self.columns[name][order], record.columns[name]) for name in WRITTEN_BY):
+                return order
         return self._as_written(network)
 
-    def _as_written(self, network: NDArray[np.intp]) -> DeliveryRows:
+    def _as_written(self, network: NDArray[np.intp]) -> NDArray[np.intp]:
         """Tick by tick of reception, what was lost before the channel last; of an instant, network by network.
 
         What the end of the run cut off comes after the last tick.
@@ -117,7 +112,7 @@ class DeliveryRows:
         of_network = np.where(is_gap, 0, network)
         is_cut = c["fate"] == RUN_ENDED
         keys = c["rx"], c["seq"], c["tx"], of_network, at_ns, is_gap, is_cut, c["received_ns"]
-        return self.at(np.lexsort(keys))
+        return np.lexsort(keys)
 
     def keys(self) -> NDArray[np.int64]:
         """A number of each row: that of its packet and its receiver."""
@@ -138,74 +133,116 @@ class DeliveryRows:
     # Links.
 
     @cached_property
-    def networks(self) -> tuple[str, ...]:
-        """Names of the radio networks that have rows, `main` first; `main` alone of rows without ``radio``."""
-        names = set(self.columns["radio"].tolist()) if "radio" in self.columns else {MAIN}
-        return tuple(sorted(names, key=lambda name: (name != MAIN, name)))
-
-    @cached_property
     def link(self) -> NDArray[np.int64]:
-        """The number of each row's directed link, one for each radio network where rows have ``radio``."""
+        """The number of each row's directed link: ``(network * len(nodes) + tx) * len(nodes) + rx``."""
         c, nodes = self.columns, len(self.nodes)
         link: NDArray[np.int64] = c["tx"] * nodes + c["rx"]
         for number, name in enumerate(self.networks[1:], 1):
             link = link + (c["radio"] == name) * (number * nodes**2)
         return link
 
-    @property
-    def links_most(self) -> int:
-        """How many links there can be: numbers of links are below this."""
-        return max(1, len(self.networks)) * len(self.nodes) ** 2
-
-    @cached_property
-    def links(self) -> NDArray[np.int64]:
-        """Numbers of the links that occur, rising: by network, then sender, then receiver."""
-        return np.flatnonzero(np.bincount(self.link, minlength=self.links_most))
-
-    @cached_property
-    def place(self) -> NDArray[np.intp]:
-        """Where in `links` each row's link is."""
-        places = np.zeros(self.links_most, dtype=np.intp)
-        places[self.links] = np.arange(len(self.links))
-        return places[self.link]
-
-    def ends_of(self, links: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Ids of sender and receiver of links by their numbers."""
-        names, nodes = np.array(self.nodes, dtype=object), len(self.nodes)
-        return names[links // nodes % nodes], names[links % nodes]
-
-    def radios_of(self, links: NDArray[np.int64]) -> NDArray[Any]:
-        """Names of the radio networks of links by their numbers."""
-        return np.array(self.networks, dtype=object)[links // len(self.nodes) ** 2]
-
-    def named(self, links: NDArray[np.int64]) -> Columns:
-        """What names links by their numbers: ``radio``, ``tx``, ``rx``."""
-        tx, rx = self.ends_of(links)
-        return {"radio": self.radios_of(links), "tx": tx, "rx": rx}
-
-    def cells(self, place: NDArray[np.intp], groups: int) -> NDArray[np.int64]:
+    def cells(self, place: NDArray[np.intp], groups: int) -> Cells:
         """How many packets of each group had each fate, shape (groups, FATES).
 
         Args:
             place: the group of each row.
             groups: how many there are.
         """
-        cells = place * len(FATES) + self.columns["fate"]
-        packets = np.bincount(cells, self.columns["packets"], groups * len(FATES))
-        return np.rint(packets).astype(np.int64).reshape(groups, len(FATES))
+        found = np.zeros((groups, len(FATES)), dtype=np.int64)
+        self.add_to(found, place)
+        return found
 
-    def counts(self, place: NDArray[np.intp], groups: int) -> Columns:
-        """As `cells`, by name: ``sent``, ``delivered``, and the causes of loss that occur anywhere, sorted."""
-        counts = self.cells(place, groups)
-        occur = np.bincount(self.columns["fate"], minlength=len(FATES)) > 0
-        lost = {FATES[i]: counts[:, i] for i in np.flatnonzero(occur).tolist() if i != DELIVERED}
-        return {"sent": counts.sum(axis=1), "delivered": counts[:, DELIVERED], **dict(sorted(lost.items()))}
+    def add_to(self, cells: Cells, place: NDArray[np.intp]) -> None:
+        """Add what `cells` gives to what other rows have given."""
+        at = place * len(FATES) + self.columns["fate"]
+        np.add.at(cells.reshape(-1), at, self.columns["packets"].astype(np.int64))
 
 
-def link_rows(run: Path, nodes: tuple[str, ...], names: tuple[str, ...]) -> DeliveryRows:
-    """Rows with one receiver each, of a run that has to have some; `LINK` and the columns of these names.
+def most_links(deliveries: Deliveries) -> int:
+    """How many links there can be: numbers of links are below this."""
+    return len(deliveries.networks) * len(deliveries.nodes) ** 2
+
+
+def named_links(links: NDArray[np.int64], deliveries: Deliveries) -> Columns:
+    """What names links by their numbers: their radio network, sender and receiver, ``radio``, ``tx``, ``rx``."""
+    names, nodes = np.array(deliveries.nodes, dtype=object), len(deliveries.nodes)
+    networks = np.array(deliveries.networks, dtype=object)
+    return {
+        "radio": networks[links // nodes**2],
+        "tx": names[links // nodes % nodes],
+        "rx": names[links % nodes],
+    }
+
+
+def counts_by_name(cells: Cells) -> Columns:
+    """By name: ``sent``, ``delivered``, and the causes of loss that occur anywhere, sorted. ``cells`` as of `cells`."""
+    occur = np.flatnonzero(cells.any(axis=0)).tolist()
+    lost = {FATES[i]: cells[:, i] for i in occur if i != DELIVERED}
+    return {"sent": cells.sum(axis=1), "delivered": cells[:, DELIVERED], **dict(sorted(lost.items()))}
+
+
+class Deliveries(Protocol):
+    """Rows with one receiver each, in the order of `deliveries`; a record of many UA is larger than memory."""
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """As of `DeliveryRows`."""
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Likewise."""
+
+    def parts(self, *names: str) -> Iterator[DeliveryRows]:
+        """All rows, some at a time and as often as they are asked for, with at least `LINK` and these columns.
+
+        Raises:
+            TableError, OSError: the deliveries are missing or damaged, or cannot be read.
+        """
+
+
+def link_rows(
+    run: Path, nodes: tuple[str, ...], names: tuple[str, ...], networks: tuple[str, ...] = (MAIN,)
+) -> DeliveryRows:
+    """All rows of `RecordedDeliveries` at once.
 
     Raises:
         TableError, OSError: the deliveries are missing or damaged, or cannot be read.
     """
-    return DeliveryRows(nodes, read_deliveries(run, nodes, (*LINK, *names))).each()
+    return DeliveryRows(nodes, read_deliveries(run, nodes, _with_link(names, networks)), networks).each()
+
+
+def _with_link(names: Sequence[str], networks: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, with those by which links are told apart."""
+    return tuple(dict.fromkeys((*LINK, *names, *(["radio"] if len(networks) > 1 else []))))
+
+
+class RecordedDeliveries:
+    """Those of a run: what it writes after they were first asked for is left out.
+
+    Args:
+        run: its directory.
+        nodes: ids of all nodes.
+        networks: names of the radio networks that links are told apart by.
+        may_lack: whether there are no rows where its radio had not begun to write; else that is an error.
+    """
+
+    def __init__(
+        self, run: Path, nodes: Sequence[str], networks: Sequence[str] = (MAIN,), *, may_lack: bool = False
+    ) -> None:
+        self.nodes, self.networks = tuple(nodes), tuple(networks)
+        self._run, self._may_lack = run, may_lack
+
+    @cached_property
+    def _rows(self) -> int:
+        if self._may_lack and not DELIVERIES.is_in(self._run):
+            return 0
+        return sum(len(each["packets"]) for each in read_batches(self._run, DELIVERIES, ("packets",)))
+
+    def parts(self, *names: str) -> Iterator[DeliveryRows]:
+        """As of `Deliveries`."""
+        if left := self._rows:
+            chosen = _with_link(names, self.networks)
+            for columns in read_batches(self._run, DELIVERIES, chosen, labels_of(self.nodes)):
+                part = DeliveryRows(self.nodes, columns, self.networks).at(slice(left))
+                yield part.each()
+                left -= len(part)

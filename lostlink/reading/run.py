@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import AgentStatus
@@ -31,12 +32,12 @@ from bridge.record.tables.truth import TRUTH
 from bridge.run.access import RUNS
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.reading.ages import NEEDED, LinkTimes, link_ages, link_latencies, times_of
+from lostlink.reading.ages import LinkTimes, link_ages, link_latencies, times_of
 from lostlink.reading.frames import frame_of_columns, frame_of_rows, frame_of_table
 from lostlink.reading.links.counts import link_counts, link_series
 from lostlink.reading.lost_parts import in_words, lost_parts
 from lostlink.reading.moved import scenario_of
-from lostlink.reading.rows import link_rows
+from lostlink.reading.rows import RecordedDeliveries, named_links
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -207,7 +208,9 @@ class Run:
 
         Columns ``radio``, ``tx`` and ``rx`` name it.
         """
-        return frame_of_columns(link_counts(self.path, self.scenario.transceiver_ids))
+        return frame_of_columns(
+            link_counts(self.path, self.scenario.transceiver_ids, self.scenario.network_names)
+        )
 
     def link_series(self, period_s: float = 1.0) -> pd.DataFrame:
         """Each directed link over time: counts and mean power, SNR and PER of each period that had packets.
@@ -216,7 +219,10 @@ class Run:
             ValueError: the period is below a nanosecond.
         """
         return frame_of_columns(
-            link_series(self.path, self.scenario.transceiver_ids, round(period_s * 1e9)), "sim_time_ns"
+            link_series(
+                self.path, self.scenario.transceiver_ids, round(period_s * 1e9), self.scenario.network_names
+            ),
+            "sim_time_ns",
         )
 
     @cached_property
@@ -323,8 +329,11 @@ class Run:
             raise ValueError(f"{self.path}: the record has lost {in_words(lost)}{instead}")
 
     def _timed(self, figures: Callable[[Sequence[LinkTimes]], dict[str, NDArray[Any]]]) -> pd.DataFrame:
-        rows = link_rows(self.path, self.scenario.transceiver_ids, ("radio", *NEEDED))
-        return frame_of_columns({**rows.named(rows.links), **figures(times_of(rows))})
+        scenario = self.scenario
+        deliveries = RecordedDeliveries(self.path, scenario.transceiver_ids, scenario.network_names)
+        times = times_of(deliveries)
+        links = np.array([each.link for each in times], dtype=np.int64)
+        return frame_of_columns({**named_links(links, deliveries), **figures(times)})
 
     def _inputs(self) -> list[tuple[str, RecordedInput]]:
         found = [(node, item) for node, items in all_inputs(self.path).items() for item in items]

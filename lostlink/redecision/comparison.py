@@ -14,7 +14,9 @@ from bridge.record.tables.deliveries import FATES, FIGURES, delays_s
 from channel.medium.ledger import BIN_WIDTH_M, BinSummary
 from channel.medium.reception import DELIVERED
 from lostlink.reading.links.counts import means
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import LINK, DeliveryRows, most_links, named_links
+
+COUNTED = (*LINK, "radio", "sim_time_ns", "arrived_ns", "distance_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +108,15 @@ def compare_decisions(
         bins: of the ledgers of networks on which packets take no time, by name, for what was predicted.
     """
     one, other = before.each(), after.each()
-    in_one, in_other = np.isin(one.keys(), other.keys()), np.isin(other.keys(), one.keys())
+    keys = one.keys(), other.keys()
+    in_one, in_other = np.isin(keys[0], keys[1]), np.isin(keys[1], keys[0])
     missing = int(np.sum(one.columns["packets"][~in_one]) + np.sum(other.columns["packets"][~in_other]))
-    one, other = one.at(in_one).sorted(), other.at(in_other).sorted()
+    orders = _sorted(keys[0], in_one), _sorted(keys[1], in_other)
+    same_figures = all(_same_bits(one.columns[f][orders[0]], other.columns[f][orders[1]]) for f in FIGURES)
+    one, other = (side.only(COUNTED).at(order) for side, order in zip((one, other), orders, strict=True))
     fates = [side.columns["fate"] for side in (one, other)]
     pairs = np.zeros((len(FATES), len(FATES)), dtype=np.int64)
-    np.add.at(pairs, tuple(fates), one.columns["packets"])
+    np.add.at(pairs, tuple(fates), one.columns["packets"].astype(np.int64))
     changed = pairs.copy()
     np.fill_diagonal(changed, 0)
     return DecisionComparison(
@@ -120,11 +125,17 @@ def compare_decisions(
         _changes(changed),
         bool(changed.any())
         or not np.array_equal(one.columns["arrived_ns"], other.columns["arrived_ns"])
-        or not all(_same_bits(one.columns[f], other.columns[f]) for f in FIGURES),
+        or not same_figures,
         missing,
         _links(one, other),
         _bins(one, other, bins),
     )
+
+
+def _sorted(keys: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Where those chosen are, in the order of their keys."""
+    order = np.argsort(keys, kind="stable")
+    return order[chosen[order]]
 
 
 def _changes(changed: NDArray[np.int64]) -> tuple[dict[str, Any], ...]:
@@ -139,11 +150,11 @@ def _same_bits(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
-    count = one.links_most
+    count = most_links(one)
     counts = [side.cells(side.link, count) for side in (one, other)]
     delays = [_mean_delays_s(side, count) for side in (one, other)]
     links = np.flatnonzero(counts[0].any(axis=-1))
-    names = zip(*(values.tolist() for values in one.named(links).values()), strict=True)
+    names = zip(*(values.tolist() for values in named_links(links, one).values()), strict=True)
     found = []
     for link, (radio, tx, rx) in zip(links.tolist(), names, strict=True):
         was, is_now = (each[link] for each in counts)
@@ -160,7 +171,7 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
                 *(side[link] for side in delays),
             )
         )
-    return tuple(sorted(found, key=lambda link: (one.networks.index(link.radio), link.tx, link.rx)))
+    return tuple(found)
 
 
 def _mean_delays_s(rows: DeliveryRows, count: int) -> list[float | None]:
@@ -183,11 +194,11 @@ def _bins(
     distance_m = np.where(np.isnan(there), here, there)
     placed = np.flatnonzero(~np.isnan(distance_m))
     number = np.floor_divide(distance_m[placed], BIN_WIDTH_M).astype(np.int64)
-    rows = np.stack((one.link[placed], number), axis=-1)
-    bins, which = np.unique(rows, axis=0, return_inverse=True)
+    span = int(number.max(initial=0)) + 1
+    bins, which = np.unique(one.link[placed] * span + number, return_inverse=True)
     delivered = [side.is_delivered[placed] for side in (one, other)]
     counts = [
-        np.bincount(which.reshape(-1), each, len(bins)).astype(np.int64).tolist()
+        np.bincount(which, each, len(bins)).astype(np.int64).tolist()
         for each in (np.ones(len(placed)), *delivered)
     ]
     chances = {
@@ -195,12 +206,10 @@ def _bins(
         for radio, rows in predicted.items()
         for row in rows
     }
-    names = zip(*(values.tolist() for values in one.named(bins[:, 0]).values()), strict=True)
+    names = zip(*(values.tolist() for values in named_links(bins // span, one).values()), strict=True)
     found = []
-    for (radio, tx, rx), place, sent, before, after in zip(names, bins[:, 1].tolist(), *counts, strict=True):
-        start_m = place * BIN_WIDTH_M
+    low_m = (bins % span * BIN_WIDTH_M).tolist()
+    for (radio, tx, rx), start_m, sent, before, after in zip(names, low_m, *counts, strict=True):
         key = radio, tx, rx, start_m
         found.append(BinChange(*key, start_m + BIN_WIDTH_M, sent, before, after, chances.get(key)))
-    return tuple(
-        sorted(found, key=lambda row: (one.networks.index(row.radio), row.tx, row.rx, row.distance_min_m))
-    )
+    return tuple(found)

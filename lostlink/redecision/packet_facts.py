@@ -59,7 +59,7 @@ class PacketFacts:
         if not len(self._known):
             return
         places, known = self._places(settled)
-        known &= np.isin(self._words["radio"][places].astype(str), took_no_time)
+        known &= np.isin(self._words["radio"].astype(str), took_no_time)[places]
         self._received_ns[places[known]] = rows["received_ns"][known]
 
     def _keys(self, seq: NDArray[np.int64], tx: NDArray[np.intp] | int) -> NDArray[np.int64]:
@@ -81,13 +81,13 @@ class PacketFacts:
             return np.zeros(0, dtype=object)
         return self._words["radio"][self._places(self._keys(packets.seq, packets.tx))[0]]
 
-    def with_radio(self, rows: DeliveryRows) -> DeliveryRows:
-        """Rows with the name of each one's radio: `main` of packets that never came to the radio."""
+    def with_radio(self, rows: DeliveryRows, networks: tuple[str, ...]) -> DeliveryRows:
+        """Rows with the name of each one's radio network: `main` of packets that never came to the radio."""
         c = rows.columns
         places, known = self._places(self._keys(c["seq"], c["tx"]))
         names = np.full(len(rows), MAIN, dtype=object)
         names[known] = self._words["radio"][places[known]]
-        return DeliveryRows(rows.nodes, c | {"radio": names})
+        return DeliveryRows(rows.nodes, c | {"radio": names}, networks)
 
     def words(self, rows: Columns, words: Vocabulary) -> Columns:
         """Radio, channel and encoding of rows, as places among ``words``; the first of packets that never came."""

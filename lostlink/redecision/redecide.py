@@ -32,7 +32,6 @@ from bridge.record.tables.deliveries import (
     labels_of,
 )
 from bridge.record.tables.parquet import array_of
-from bridge.record.tables.reader import joined
 from bridge.record.tables.schema import Columns
 from bridge.record.tables.truth import ATTITUDE, POSITION, TrueStates
 from bridge.run.access import place_of
@@ -96,7 +95,8 @@ class Redecision:
     def comparison(self) -> DecisionComparison:
         """Before and after, side by side."""
         bins = {each.radio: each.ledger.bins() for each in self.books if not each.takes_time}
-        before, after = (self.facts.with_radio(rows) for rows in (self.before, self.after))
+        networks = self.scenario.network_names
+        before, after = (self.facts.with_radio(rows, networks) for rows in (self.before, self.after))
         return compare_decisions(before, after, bins)
 
     @property
@@ -198,9 +198,7 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
         what = Transmissions(nodes, mine, handling, lost, positions, period_ns, facts)
         anew.append(NetworkAnew(channel, what))
     decide_all(anew, tell.done)
-    parts = [joined(each.rows) for each in anew]
-    of_network = np.repeat(np.arange(len(parts)), [len(rows["tx"]) for rows in parts])
-    after = DeliveryRows(nodes, joined(parts)).in_order_of(before, of_network)
+    after = _in_order(anew, before)
     routes = sorted((r for each in anew for r in each.routes), key=lambda r: r[1].arrived_ns // period_ns)
     books, files = tuple(each.books for each in anew), radio_files(scenario)
     edited = (*edited_files(run, files), *presets_of_today(run, recorded, scenario))
@@ -275,6 +273,18 @@ def _once(packets: Packets, addressees: Addressees, nodes: Sequence[str]) -> Pac
             found = {members.index(rx) for rx in packets.to[first : last + 1].tolist()}
             to[last] = addressees.code_of(members.index(int(packets.tx[last])), found)
     return packets._replace(to=to).at(lasts)
+
+
+def _in_order(anew: Sequence[NetworkAnew], before: DeliveryRows) -> DeliveryRows:
+    """The rows of all networks, in the order of the record if that can be; they are taken from the networks.
+
+    Column by column: all of them are much, and would be there three times.
+    """
+    counts = [sum(len(rows["tx"]) for rows in each.rows) for each in anew]
+    parts = [rows for each in anew for rows in each.rows]
+    columns = {name: np.concatenate([rows.pop(name) for rows in parts]) for name in before.columns}
+    order = DeliveryRows(before.nodes, columns).order_of(before, np.repeat(np.arange(len(anew)), counts))
+    return DeliveryRows(before.nodes, {name: columns.pop(name)[order] for name in before.columns})
 
 
 def _missed(before: DeliveryRows) -> Columns:

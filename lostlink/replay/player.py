@@ -17,6 +17,9 @@ from lostlink.reading.links.known import KnownLinks
 from lostlink.replay.moment import Moment
 from lostlink.replay.record import TickedRecord
 
+ROWS_AT_ONCE = 1 << 16
+"""That are taken on the way to an instant."""
+
 
 class Player:
     """Plays one record. For one thread at a time.
@@ -80,24 +83,20 @@ class Player:
             begin = 0
             self._begin()
         before = self._rows_before(tick)
-        self._take(slice(begin, before))
+        for part in range(begin, before, ROWS_AT_ONCE):
+            self._links.take(self.record.decisions.at(part, min(part + ROWS_AT_ONCE, before)).each().columns)
         self._links.picture.changed()  # those of ticks that are passed over
         self._next = tick
         return self._play(before)
 
     def _play(self, begin: int) -> Moment:
         tick, self._next = self._next, self._next + 1
-        rows = slice(begin, self._rows_before(self._next))
-        self._take(rows)
+        decided = self.record.decisions.at(begin, self._rows_before(self._next))
+        self._links.take(decided.each().columns)
         if self.now is not None:
             self.now.is_over = True
-        decided, changed = self.record.decisions.at(rows), self._links.picture.changed()
-        self.now = Moment(self.record, self._links, tick, decided, changed)
+        self.now = Moment(self.record, self._links, tick, decided, self._links.picture.changed())
         return self.now
-
-    def _take(self, rows: slice) -> None:
-        """Take rows into what is known of links."""
-        self._links.take(self.record.decisions.at(rows).each().columns)
 
     def _rows_before(self, tick: int) -> int:
         """How many rows of the decisions were settled before a tick."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -13,8 +13,9 @@ from bridge.radio.picture import LINK_PERIOD_NS
 from bridge.record.events import RunEvent, read_reports
 from bridge.record.inputs.radio_switches import switches_of
 from bridge.record.provenance import version_noted
-from bridge.record.tables.deliveries import DELIVERIES
-from bridge.record.tables.reader import read_columns
+from bridge.record.tables.deliveries import DELIVERIES, SAID, labels_of
+from bridge.record.tables.reader import joined, no_rows, read_batches
+from bridge.record.tables.schema import Columns
 from bridge.record.tables.states import States
 from bridge.record.tables.truth import TRUTH, TrueStates
 from channel.medium.addressees import codes_of
@@ -23,6 +24,9 @@ from lostlink.reading.rows import RUN_ENDED, DeliveryRows
 from lostlink.reading.sent import SentPackets
 from lostlink.replay.logged import NodeLogged
 from lostlink.replay.measured import ReportedMeasurements
+
+COLUMNS = tuple(column.name for column in DELIVERIES.columns if column.name not in SAID)
+NOTHING = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
 
 
 class TickedRecord:
@@ -35,6 +39,8 @@ class TickedRecord:
         scenario: as flown.
         nodes: ids of the nodes that exchange packets.
         ticks_ns: all ticks, rising.
+        decisions: what became of packets.
+        rows_until: how many of its rows were settled by each tick: what was written after the last is of none.
         radios: when each node's radio was off.
 
     Raises:
@@ -58,17 +64,15 @@ class TickedRecord:
                     f"{run}: nothing to play: the run ended before its first tick was written down"
                 )
             self.networks = self.scenario.network_names
-            self.decisions = _decisions(run, self.nodes, self.networks)
+            self.decisions = Decisions(run, self.nodes, self.networks)
+            self.rows_until = self._rows_until()
             self.radios = switches_of(self.scenario, run)
 
-    @cached_property
-    def rows_until(self) -> NDArray[np.intp]:
-        """How many rows of the decisions were settled by each tick: what was written after the last is of none."""
-        columns = self.decisions.columns
-        until = np.searchsorted(
-            columns["received_ns"] - self.scenario.tick_period_ns, self.ticks_ns, side="right"
-        )
-        cut = np.flatnonzero(columns["fate"] == RUN_ENDED)
+    def _rows_until(self) -> NDArray[np.intp]:
+        read = [(c["received_ns"].copy(), c["fate"] == RUN_ENDED) for c in self.decisions.parts()]
+        received_ns, is_cut = map(np.concatenate, zip(NOTHING, *read, strict=True))
+        until = np.searchsorted(received_ns - self.scenario.tick_period_ns, self.ticks_ns, side="right")
+        cut = np.flatnonzero(is_cut)
         return np.minimum(until, cut[0]) if cut.size else until
 
     @cached_property
@@ -110,11 +114,37 @@ class TickedRecord:
         return read_reports(self.run).events
 
 
-def _decisions(run: Path, nodes: Sequence[str], networks: Sequence[str]) -> DeliveryRows:
-    """The deliveries of a run, with ``radio`` as places in ``networks``."""
-    rows = DeliveryRows.read(run, nodes)
-    if not DELIVERIES.is_in(run):
-        return DeliveryRows(rows.nodes, rows.columns | {"radio": np.empty(0, dtype=np.intp)})
-    return DeliveryRows(
-        rows.nodes, rows.columns | read_columns(run, DELIVERIES, ("radio",), {"radio": networks})
-    )
+class Decisions:
+    """The deliveries of a run, read as they are played, since those of many UA are larger than memory.
+
+    Args:
+        run: its directory.
+        nodes: ids of all its nodes.
+        networks: in which ``radio`` of rows is a place.
+    """
+
+    def __init__(self, run: Path, nodes: Sequence[str], networks: Sequence[str]) -> None:
+        self._run, self._nodes = run, tuple(nodes)
+        self._names = labels_of(nodes) | {"radio": networks}
+        self._rewind()
+
+    def _rewind(self) -> None:
+        self._begin, self._ahead = 0, no_rows(DELIVERIES, COLUMNS, self._names)
+        self._parts = self.parts()
+
+    def parts(self) -> Iterator[Columns]:
+        """All rows, some at a time."""
+        is_there = DELIVERIES.is_in(self._run)
+        return read_batches(self._run, DELIVERIES, COLUMNS, self._names) if is_there else iter(())
+
+    def at(self, begin: int, end: int) -> DeliveryRows:
+        """Some of the rows; quickest if they follow those of the call before."""
+        if begin < self._begin:
+            self._rewind()
+        while self._begin + len(self._ahead["tx"]) < end:
+            passed = min(begin - self._begin, len(self._ahead["tx"]))
+            self._begin += passed
+            left = {name: values[passed:] for name, values in self._ahead.items()}
+            self._ahead = joined((left, next(self._parts)))
+        rows = slice(begin - self._begin, end - self._begin)
+        return DeliveryRows(self._nodes, {name: values[rows] for name, values in self._ahead.items()})

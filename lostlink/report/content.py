@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -11,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from bridge.record.names import as_seen_from
-from bridge.record.tables.deliveries import TRANSPORT
+from bridge.record.tables.deliveries import Cause
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import SUMMARY_FILE, name_in_utf8
 from bridge.scenario.model import Scenario
@@ -27,10 +28,10 @@ from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.lengths import median_payload_bytes, packets_by_length
 from lostlink.reading.links.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.positions import places_of, separation_m
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import Deliveries, RecordedDeliveries
 from lostlink.reading.run import Run
 from lostlink.report import packets
-from lostlink.report.air_use import OF_AIR, air_of
+from lostlink.report.air_use import air_of
 from lostlink.report.scales import plain
 from lostlink.report.tracks import tracks_of
 
@@ -73,31 +74,33 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     """
     _check_summary(run)
     tell("reads the deliveries")
-    rows, end_ns = rows_of_packets(run, (*packets.COLUMNS, *OF_AIR)), run.end_ns
+    deliveries, end_ns = deliveries_of(run), run.end_ns
+    times = times_of(deliveries)
     tell("counts packets")
-    times = times_of(rows)
-    links = packets.links_of(rows, times, end_ns)
+    links = packets.links_of(deliveries, times, end_ns)
     found: Content = {
         "schema": SCHEMA,
         "run": _run(run),
         "provenance": asdict(run.provenance) if run.provenance else None,
     }
-    found |= {"totals": packets.totals_of(links), "links": links, "losses": packets.losses_of(rows, end_ns)}
+    losses = packets.losses_of(deliveries, end_ns)
+    found |= {"totals": packets.totals_of(links), "links": links, "losses": losses}
     tell("follows the ages of packets")
-    found["ages"] = packets.ages_of(times, rows, end_ns)
+    found["ages"] = packets.ages_of(times, deliveries, end_ns)
+    del times  # of the size of the record
     tell("sorts powers by distance")
-    found["powers"] = packets.powers_of(rows)
+    found["powers"] = packets.powers_of(deliveries)
     tell("computes its digests")
     found["run"]["summary_mistakes"] = mistakes_in_summary(run.path)
     tell("adds up the use of the air")
-    found["air"] = air_of(rows, run.scenario, end_ns + run.scenario.tick_period_ns, on_air_ns(run.path))
+    found["air"] = air_of(deliveries, run.scenario, end_ns + run.scenario.tick_period_ns, on_air_ns(run.path))
     ways = ways_of(run.path, run.scenario.transceiver_ids)
-    found |= {"routes": routes_of(rows, ways), "routing": routing_counts(run.path)}
-    bins = run.summary.get("bins") or _bins_of_table(run.scenario, rows)
-    found |= {"bins": bins, "model": _model(run.scenario, bins, rows)}
+    found |= {"routes": routes_of(deliveries, ways), "routing": routing_counts(run.path)}
+    bins = run.summary.get("bins") or _bins_of_table(run.scenario, deliveries)
+    found |= {"bins": bins, "model": _model(run.scenario, bins, deliveries)}
     tell("reads the true states")
     found |= tracks_of(run) | {"separation_min_m": least_separation_m(run)}
-    result: Content = plain(found | _host(run, rows) | _judgements(run))
+    result: Content = plain(found | _host(run, links) | _judgements(run))
     return result
 
 
@@ -109,9 +112,10 @@ def least_separation_m(run: Run) -> float | None:
     return separation_m(places[ua.node] for ua in run.scenario.ua)[0]
 
 
-def rows_of_packets(run: Run, columns: Sequence[str] = packets.COLUMNS) -> DeliveryRows:
+def deliveries_of(run: Run) -> RecordedDeliveries:
     """The deliveries of a run; no rows if it broke off before there were any."""
-    return DeliveryRows.read(run.path, run.scenario.transceiver_ids, columns).each()
+    scenario = run.scenario
+    return RecordedDeliveries(run.path, scenario.transceiver_ids, scenario.network_names, may_lack=True)
 
 
 def _check_summary(run: Run) -> None:
@@ -161,10 +165,10 @@ def radio_name(scenario: Scenario) -> str:
     return f"{name}; node {', '.join(own)} with its own" if own else name
 
 
-def _model(scenario: Scenario, bins: list[dict[str, Any]], rows: DeliveryRows) -> Content | None:
+def _model(scenario: Scenario, bins: list[dict[str, Any]], deliveries: Deliveries) -> Content | None:
     """The model's curve over distance, if all nodes have one radio and it can be had here; else None.
 
-    It is that of packets as long as the median of rows.
+    It is that of packets of their median length.
     """
     if not bins:
         return None
@@ -173,29 +177,29 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]], rows: DeliveryRows) -
         radio = common_radio(scenario, emitters_of(scenario))
         if radio is None:
             return None
-        payload_bytes = median_payload_bytes(radio, packets_by_length(rows))
+        payload_bytes = median_payload_bytes(radio, packets_by_length(deliveries))
         distance_m, probability = model_curve(bins, radio, farthest_m, payload_bytes)
         return {"distance_m": np.asarray(distance_m), "probability_of_delivery": np.asarray(probability)}
     return None
 
 
-def _bins_of_table(scenario: Scenario, rows: DeliveryRows) -> list[dict[str, Any]]:
+def _bins_of_table(scenario: Scenario, deliveries: Deliveries) -> list[dict[str, Any]]:
     """The bins of a run without a ledger: whether packets share what is drawn is that of its radios."""
     shared = True  # they may: a model of one's own may not be here
     with suppress(ValueError, OSError, ChannelInputError):
         shared = draws_are_shared(scenario)
-    return [row | {"shares_draws": shared} for row in packets.bins_of(rows)]
+    return [row | {"shares_draws": shared} for row in packets.bins_of(deliveries)]
 
 
-def _host(run: Run, rows: DeliveryRows) -> Content:
+def _host(run: Run, links: Sequence[Mapping[str, Any]]) -> Content:
     """What the machine did to the run: packets it lost, by sender, and what was not accepted."""
-    mine = rows.columns["fate"] == TRANSPORT
-    counts = np.bincount(rows.columns["tx"][mine], rows.columns["packets"][mine], len(rows.nodes))
-    lost = {node: int(count) for node, count in zip(rows.nodes, counts.tolist(), strict=True) if count}
+    lost = Counter[str]()
+    for link in links:
+        lost[link["tx"]] += link["lost"].get(Cause.TRANSPORT, 0)
     reports = run.reports
     return {
         "host": {
-            "lost": lost,
+            "lost": _not_zero(lost),
             "refused": _not_zero(run.summary.get("refused") or {}),
             "counters": reports.counters,
         },

@@ -11,7 +11,7 @@ from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
 from lostlink.report import packets
-from lostlink.report.content import KILLED, least_separation_m, rows_of_packets
+from lostlink.report.content import KILLED, deliveries_of, least_separation_m
 from lostlink.report.page.page import render
 from lostlink.report.page.words import NOTHING, num, share
 from lostlink.report.pictures.radio import draw_comparison
@@ -69,8 +69,8 @@ def _names(runs: Sequence[Run]) -> list[str]:
 
 
 def _column(run: Run) -> Content:
-    rows, end_ns, summary = rows_of_packets(run), run.end_ns, run.summary
-    links = packets.links_of(rows, times_of(rows), end_ns)
+    deliveries, end_ns, summary = deliveries_of(run), run.end_ns, run.summary
+    links = packets.links_of(deliveries, times_of(deliveries), end_ns)
     return {
         "name": "",
         "scenario": run.scenario.name,
@@ -86,7 +86,7 @@ def _column(run: Run) -> Content:
         **packets.totals_of(links),
         "separation_min_m": least_separation_m(run),
         "links": links,
-        "delivery_by_distance": _by_distance(packets.bins_of(rows)),
+        "delivery_by_distance": _by_distance(packets.bins_of(deliveries)),
     }
 
 

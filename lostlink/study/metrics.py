@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from bridge.bus.keys import MAIN
 from lostlink.flight.exits import RunOutcome
-from lostlink.reading.ages import NEEDED, link_ages, times_of
+from lostlink.reading.ages import link_ages, times_of
 from lostlink.reading.links.counts import counts_of
 from lostlink.reading.positions import places_of, separation_m
-from lostlink.reading.rows import link_rows
+from lostlink.reading.rows import RecordedDeliveries
 from lostlink.reading.run import Run
 from lostlink.study.model import Function, StudyError
 from sitl_configs.own_code import OwnCodeError, load_module
@@ -70,8 +70,8 @@ def of_tables(run: Run) -> Metrics:
     Raises:
         TableError, OSError: a table is not there, or damaged.
     """
-    rows = link_rows(run.path, run.scenario.transceiver_ids, ("radio", *NEEDED))
-    links, ages = counts_of(rows), link_ages(times_of(rows), run.end_ns)
+    deliveries = RecordedDeliveries(run.path, run.scenario.transceiver_ids, run.scenario.network_names)
+    links, ages = counts_of(deliveries), link_ages(times_of(deliveries), run.end_ns)
     _, places = places_of(run.path, run.nodes)
     sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
     return {

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from bridge.bus.keys import MAIN
 from bridge.record.tables.deliveries import FATES
+from bridge.scenario.model import Scenario
 from channel.medium.reception import Fate
 from lostlink.reading.air.capacity import Capacity, SharedBy, rate_text
 from lostlink.reading.air.too_long import TooLong, remark_of, too_long_of, warnings_of
 from lostlink.reading.air.use import (
     BUSY_NS,
+    NEEDED,
     NS_PER_S,
     Delays,
+    FrameColumns,
     Numbers,
+    Offered,
     ReceivedBits,
     delays_of,
     edges_of,
@@ -26,7 +31,7 @@ from lostlink.reading.air.use import (
     packet_rows,
     received_of,
 )
-from lostlink.reading.rows import RUN_ENDED, DeliveryRows
+from lostlink.reading.rows import RUN_ENDED, Deliveries, DeliveryRows
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
@@ -181,10 +186,13 @@ class AirTally:
 
     Args:
         capacity: of the network.
+
+    Attributes:
+        capacity: likewise.
     """
 
     def __init__(self, capacity: Capacity) -> None:
-        self._capacity = capacity
+        self.capacity = capacity
         self._packets: list[DeliveryRows] = []
         self._frames: list[DeliveryRows] = []
         self._delays: list[Delays] = []
@@ -195,9 +203,9 @@ class AirTally:
         """Rows come, behind those before: of the network, with `NEEDED`, one for each receiver."""
         c = rows.columns
         self._packets.append(packet_rows(rows))
-        self._received.append(received_of(rows, self._capacity))
+        self._received.append(received_of(rows, self.capacity))
         self._fates += np.rint(np.bincount(c["fate"], c["packets"], len(FATES))).astype(np.int64)
-        if self._capacity.takes_time:
+        if self.capacity.takes_time:
             self._frames.append(frame_rows(rows))
             self._delays.append(delays_of(rows))
 
@@ -208,8 +216,8 @@ class AirTally:
             end_ns: the end of the run, its last tick included.
             on_air_ns: of all frames, where nodes hand packets on; unless given, as the rows say.
         """
-        capacity, packets = self._capacity, DeliveryRows.joined(self._packets)
-        offered, whole = offered_of(packets, capacity), edges_of(end_ns, max(end_ns, 1))
+        capacity, packets, offered = self.capacity, self._all_packets, self.offered
+        whole = edges_of(end_ns, max(end_ns, 1))
         waits, delays, use = self._times(whole) if capacity.takes_time else (None, None, None)
         if on_air_ns is not None:
             use = on_air_ns / max(end_ns, 1)
@@ -247,14 +255,44 @@ class AirTally:
             too_long=tuple(too_long_of(packets, capacity)),
         )
 
+    @cached_property
+    def _all_packets(self) -> DeliveryRows:
+        return DeliveryRows.joined(self._packets)
+
+    @cached_property
+    def offered(self) -> Offered:
+        """Of all rows, when they have come."""
+        return offered_of(self._all_packets, self.capacity)
+
+    @cached_property
+    def frames(self) -> FrameColumns:
+        """Of all rows, when they have come, of a network on which packets take time."""
+        return frames_of(DeliveryRows.joined(self._frames))
+
+    @cached_property
+    def delays(self) -> Delays:
+        """As `frames`."""
+        return Delays(*map(np.concatenate, zip(*self._delays, strict=True)))
+
     def _times(self, whole: Any) -> tuple[Numbers, Numbers, float]:
         """Quantiles of waits and delays over the run, and the use of the air."""
-        frames = frames_of(DeliveryRows.joined(self._frames))
-        delays = Delays(*map(np.concatenate, zip(*self._delays, strict=True)))
-        return frames.waits(whole)[:, 0], delays.over_time(whole)[:, 0], float(frames.use(whole)[0])
+        waits, delays = self.frames.waits(whole)[:, 0], self.delays.over_time(whole)[:, 0]
+        return waits, delays, float(self.frames.use(whole)[0])
 
     def _lost(self, *fates: Fate) -> int:
         return sum(int(self._fates[FATES.index(fate.value)]) for fate in fates)
+
+
+def tallies_of(deliveries: Deliveries, scenario: Scenario) -> list[AirTally]:
+    """Of each radio network of a scenario; none if there are no deliveries."""
+    tallies = {name: AirTally(Capacity.of(scenario, name)) for name in scenario.network_names}
+    has_any = False
+    for rows in deliveries.parts(*NEEDED):
+        has_any = has_any or len(rows) > 0
+        for name, tally in tallies.items():
+            mine = rows.columns["radio"] == name
+            tally.add(rows if mine.all() else rows.at(mine))
+    return list(tallies.values()) if has_any else []
 
 
 def account_of(

@@ -14,7 +14,7 @@ in it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.record.tables.deliveries import delays_s
-from bridge.scenario.model import Scenario
 from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.rows import DeliveryRows
 
@@ -48,13 +47,6 @@ TRIED_MAX: Final = 16
 SHARES: Final = (0.5, 0.95)
 Numbers = NDArray[np.float64]
 Whole = NDArray[np.int64]
-
-
-def of_networks(rows: DeliveryRows, scenario: Scenario) -> Iterator[tuple[DeliveryRows, Capacity]]:
-    """The rows of each radio network of a scenario, of rows with `NEEDED`, and what it can carry."""
-    for name in scenario.network_names:
-        mine = rows.columns["radio"] == name
-        yield (rows if mine.all() else rows.at(mine)), Capacity.of(scenario, name)
 
 
 def edges_of(end_ns: int, period_ns: int) -> Whole:

@@ -7,12 +7,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bridge.record.tables.deliveries import FIGURES
+from bridge.bus.keys import MAIN
+from bridge.record.tables.deliveries import FATES, FIGURES
 from bridge.record.tables.schema import Columns
-from lostlink.reading.rows import DeliveryRows, link_rows
+from lostlink.reading.rows import (
+    Deliveries,
+    RecordedDeliveries,
+    counts_by_name,
+    link_rows,
+    most_links,
+    named_links,
+)
 
 
-def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
+def link_counts(run: Path, nodes: tuple[str, ...], networks: tuple[str, ...] = (MAIN,)) -> Columns:
     """A row per directed link of a radio network that had a packet, with a column per cause of loss.
 
     The others are ``radio``, ``tx``, ``rx``, ``sent`` and ``delivered``.
@@ -20,19 +28,28 @@ def link_counts(run: Path, nodes: tuple[str, ...]) -> Columns:
     Args:
         run: the run directory.
         nodes: ids of all its nodes, which is the order of rows.
+        networks: names of the radio networks that links are told apart by.
 
     Raises:
         TableError, OSError: the deliveries cannot be read.
     """
-    return counts_of(link_rows(run, nodes, ("radio",)))
+    return counts_of(RecordedDeliveries(run, nodes, networks))
 
 
-def counts_of(rows: DeliveryRows) -> Columns:
-    """As `link_counts`, of rows that were read."""
-    return {**rows.named(rows.links), **rows.counts(rows.place, len(rows.links))}
+def counts_of(deliveries: Deliveries) -> Columns:
+    """As `link_counts`, of any deliveries."""
+    cells = np.zeros((most_links(deliveries), len(FATES)), dtype=np.int64)
+    occurs = np.zeros(len(cells), dtype=np.bool_)
+    for rows in deliveries.parts():
+        rows.add_to(cells, rows.link)
+        occurs[rows.link] = True
+    links = np.flatnonzero(occurs)
+    return {**named_links(links, deliveries), **counts_by_name(cells[links])}
 
 
-def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
+def link_series(
+    run: Path, nodes: tuple[str, ...], period_ns: int, networks: tuple[str, ...] = (MAIN,)
+) -> Columns:
     """A row per period of sim time and directed link with packets in it, by time, then network, sender, receiver.
 
     ``sim_time_ns`` is the period's begin. ``distance_m``, ``received_power_dbm``, ``snr_db`` and ``per`` are means over
@@ -44,13 +61,13 @@ def link_series(run: Path, nodes: tuple[str, ...], period_ns: int) -> Columns:
     """
     if period_ns <= 0:
         raise ValueError(f"a period of {period_ns} ns; it has to be above 0")
-    rows = link_rows(run, nodes, ("radio", "sim_time_ns", *FIGURES))
-    columns, links = rows.columns, rows.links_most
+    rows = link_rows(run, nodes, ("sim_time_ns", *FIGURES), networks)
+    columns, links = rows.columns, most_links(rows)
     bins, place = np.unique(columns["sim_time_ns"] // period_ns * links + rows.link, return_inverse=True)
-    counts = rows.counts(place, len(bins))
+    counts = counts_by_name(rows.cells(place, len(bins)))
     return {
         "sim_time_ns": bins // links * period_ns,
-        **rows.named(bins % links),
+        **named_links(bins % links, rows),
         "sent": counts["sent"],
         "delivered": counts["delivered"],
         **{name: means(columns[name], place, len(bins)) for name in FIGURES},

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bridge.radio.ledger_file import LEDGER, read_ledger
 from bridge.record.tables.routes import read_routes
-from lostlink.reading.rows import DeliveryRows
+from lostlink.reading.rows import Deliveries
 
 Way = tuple[int, ...]
 """Who transmitted a packet, from its sender on."""
@@ -56,39 +57,54 @@ def ways_of(run: Path, nodes: Sequence[str]) -> dict[str, dict[Ends, LinkWays]]:
     return found
 
 
-def routes_of(rows: DeliveryRows, ways: Mapping[str, Mapping[Ends, LinkWays]]) -> list[dict[str, Any]]:
+def routes_of(deliveries: Deliveries, ways: Mapping[str, Mapping[Ends, LinkWays]]) -> list[dict[str, Any]]:
     """A row per network and link: ``delivered``, ``hops_mean``, ``changes``, the most used ``way`` and its ``share``.
 
     Args:
-        rows: one for each receiver, with ``radio`` and ``arrived_ns``.
+        deliveries: of a run.
         ways: of the run.
     """
-    came = rows.at(rows.is_delivered)
-    found = []
+    nodes, found = deliveries.nodes, []
     for radio, by_link in ways.items():
-        for (tx, rx), each in sorted(by_link.items()):
-            c = came.columns
-            mine = (c["radio"] == radio) & (c["tx"] == tx) & (c["rx"] == rx)
-            places = np.searchsorted(each.since_ns, c["arrived_ns"][mine], side="right") - 1
+        links = dict(sorted(by_link.items()))
+        bounds = np.cumsum([0, *(len(each.nodes) for each in links.values())]).tolist()
+        used = _times_used(deliveries, radio, links).tolist()
+        for (tx, rx), each, begin, end in zip(links, links.values(), bounds, bounds[1:], strict=False):
             packets: Counter[Way] = Counter()
-            for place, count in zip(*np.unique(places, return_counts=True), strict=True):
-                packets[each.nodes[int(place)]] += int(count)
-            if not packets:
+            for way, count in zip(each.nodes, used[begin:end], strict=True):
+                packets[way] += count
+            if not (total := packets.total()):
                 continue  # of a record that broke off, or lost its deliveries
-            [(way, most)], total = packets.most_common(1), packets.total()
+            [(most_used, most)] = packets.most_common(1)
             found.append(
                 {
                     "radio": radio,
-                    "tx": rows.nodes[tx],
-                    "rx": rows.nodes[rx],
+                    "tx": nodes[tx],
+                    "rx": nodes[rx],
                     "delivered": total,
-                    "hops_mean": sum(len(nodes) * count for nodes, count in packets.items()) / total,
+                    "hops_mean": sum(len(way) * count for way, count in packets.items()) / total,
                     "changes": len(each.nodes) - 1,
-                    "way": [rows.nodes[node] for node in way],
+                    "way": [nodes[node] for node in most_used],
                     "share": most / total,
                 }
             )
     return found
+
+
+def _times_used(deliveries: Deliveries, radio: str, ways: Mapping[Ends, LinkWays]) -> NDArray[np.int64]:
+    """How many packets came by each way, link by link."""
+    links = [tx * len(deliveries.nodes) + rx for (tx, rx), each in ways.items() for _ in each.nodes]
+    since_ns = np.array([at_ns for each in ways.values() for at_ns in each.since_ns])
+    changes_ns = np.unique(since_ns)
+    keys = np.array(links) * (len(changes_ns) + 1) + np.searchsorted(changes_ns, since_ns, side="right")
+    used = np.zeros(len(keys), dtype=np.int64)
+    for rows in deliveries.parts("radio", "arrived_ns"):
+        came = rows.at(rows.is_delivered & (rows.columns["radio"] == radio))
+        until = np.searchsorted(changes_ns, came.columns["arrived_ns"], side="right")
+        place = np.searchsorted(keys, came.link * (len(changes_ns) + 1) + until, side="right") - 1
+        is_known = np.array(links)[place] == came.link
+        used += np.bincount(place[is_known], minlength=len(used))
+    return used
 
 
 def on_air_ns(run: Path) -> dict[str, int]:

@@ -9,8 +9,8 @@ import pytest
 
 from bridge.record.tables.deliveries import FATES, DeliveryWriter
 from bridge.record.tables.every import finish_tables
-from lostlink.reading.ages import NEEDED, link_ages, link_latencies, sawtooth, times_of
-from lostlink.reading.rows import link_rows
+from lostlink.reading.ages import link_ages, link_latencies, sawtooth, times_of
+from lostlink.reading.rows import RecordedDeliveries
 
 S = 1_000_000_000
 NODES = ("a", "b", "c")
@@ -101,15 +101,9 @@ def test_links_of_a_table(tmp_path: Path, is_finished: bool):
     writer.close()
     if is_finished:
         finish_tables(tmp_path)
-    rows = link_rows(tmp_path, NODES, NEEDED)
-    heard = times_of(rows)
+    heard = times_of(RecordedDeliveries(tmp_path, NODES))
     ages = link_ages(heard, 2 * S)
-    assert list(zip(*rows.ends_of(rows.links), strict=True)) == [
-        ("a", "b"),
-        ("a", "c"),
-        ("b", "a"),
-        ("b", "c"),
-    ]
+    assert [divmod(each.link, len(NODES)) for each in heard] == [(0, 1), (0, 2), (1, 0), (1, 2)]
     assert ages["received"].tolist() == [20, 0, 0, 0]
     first_tooth, others = 0.1 * 0.05, 1.9 * 0.15
     assert ages["mean_s"] == pytest.approx([(first_tooth + others) / 2, 1.0, 0.5, 0.5])

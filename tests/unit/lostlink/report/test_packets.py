@@ -11,8 +11,8 @@ from matplotlib.cbook import boxplot_stats
 
 from channel.medium.reception import DELIVERED, ERASED
 from lostlink.reading.ages import times_of
-from lostlink.reading.rows import DeliveryRows, link_rows
-from lostlink.report.packets import COLUMNS, ages_of, bins_of, links_of, losses_of, powers_of, totals_of
+from lostlink.reading.rows import DeliveryRows, RecordedDeliveries
+from lostlink.report.packets import ages_of, bins_of, links_of, losses_of, powers_of, totals_of
 from lostlink.report.scales import nice_step, plain
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
@@ -82,9 +82,9 @@ def test_links_and_totals():
 def test_of_many_links_ages_are_the_median_and_the_oldest(tmp_path: Path):
     nodes = tuple("01234")
     run = flown(tmp_path / "run", scenario_of("moon2020", nodes), ticks=100)
-    rows = link_rows(run, nodes, COLUMNS)
-    times = times_of(rows)
-    found = plain(ages_of(times, rows, 5 * S))
+    deliveries = RecordedDeliveries(run, nodes)
+    times = times_of(deliveries)
+    found = plain(ages_of(times, deliveries, 5 * S))
     median, oldest = found["series"]
     assert (median["name"], oldest["name"]) == ("median of 20 links", "the oldest of all")
     assert max(oldest["age_s"]) == pytest.approx(max(link.sawtooth(5 * S).age.peak_s for link in times))
@@ -95,7 +95,7 @@ def test_bins_of_the_table_are_those_of_the_ledger(tmp_path: Path):
     run = flown(tmp_path / "run", scenario_of("moon2020", NODES), ticks=200)
     ledger = json.loads((run / "ledger.json").read_text())["bins"]
     keys = ("tx", "rx", "distance_min_m", "distance_max_m", "sent", "delivered", "measured")
-    found = bins_of(link_rows(run, NODES, COLUMNS))
+    found = bins_of(RecordedDeliveries(run, NODES))
     assert [[row[key] for key in keys] for row in found] == [[row[key] for key in keys] for row in ledger]
 
 
