@@ -6,18 +6,22 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-NAMES = sorted(path.stem.removeprefix("bench_") for path in Path(__file__).parent.glob("bench_*.py"))
+HERE = Path(__file__).parent
+MODULES = {
+    path.stem.removeprefix("bench_"): ".".join(("benchmarks", *path.relative_to(HERE).with_suffix("").parts))
+    for path in sorted(HERE.rglob("bench_*.py"), key=lambda path: path.name)
+}
 
 
 def main(names: list[str]) -> int:
     """Run the named benchmarks, or all."""
-    unknown = sorted(set(names) - set(NAMES))
+    unknown = sorted(set(names) - set(MODULES))
     if unknown:
-        print(f"no benchmark {', '.join(unknown)}; there are: {', '.join(NAMES)}", file=sys.stderr)
+        print(f"no benchmark {', '.join(unknown)}; there are: {', '.join(MODULES)}", file=sys.stderr)
         return 2
-    for name in names or NAMES:
+    for name in names or MODULES:
         print(f"== {name}", flush=True)
-        import_module(f"benchmarks.bench_{name}").main([])
+        import_module(MODULES[name]).main([])
     return 0
 
 

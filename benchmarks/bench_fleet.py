@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.bench_recording import cpu_s
+from benchmarks.record.bench_recording import cpu_s
 
 ROOT = Path(__file__).parents[1]
 SLOT = 100
@@ -75,8 +75,16 @@ def flown(content: dict[str, Any], command: Sequence[str], cwd: Path = ROOT) -> 
 
 
 def alone(autopilot: str, size: int, wall_s: float = 5.0, slot: int = SLOT) -> float:
-    """The real-time factor of physics and autopilots alone, over ``wall_s`` (`benchmarks.bench_fdm_fleet`)."""
-    command = [sys.executable, "-m", "benchmarks.bench_fdm_fleet", "--autopilot", autopilot, "--speed", "max"]
+    """The real-time factor of physics and autopilots alone, over ``wall_s`` (`benchmarks.fdm.bench_fdm_fleet`)."""
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.fdm.bench_fdm_fleet",
+        "--autopilot",
+        autopilot,
+        "--speed",
+        "max",
+    ]
     command += ["--sizes", str(size), "--coupling", "serial", "--instance", str(slot)]
     command += ["--seconds", str(wall_s)]
     command += ["--hover"] if autopilot == "standin" else []

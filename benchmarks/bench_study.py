@@ -22,7 +22,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import yaml
 
-from benchmarks.bench_recording import cpu_s
+from benchmarks.record.bench_recording import cpu_s
 
 STUDY = Path(__file__).parents[1] / "examples" / "localise" / "study.yaml"
 WHOLE = {"hosts": "auto", "mcap.write": True, "mavlink.tlog": True}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchmarks.browser import chromium, open_browser
+from benchmarks.record.browser import chromium, open_browser
 from tests.interop.builtin_vehicles import COPTER, PLANE, sitl
 from tests.interop.served import Served, serve, standin
 

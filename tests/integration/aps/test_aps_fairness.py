@@ -13,9 +13,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.daemon import Daemon, DaemonConfig
-from benchmarks import bench_aps_routers
-from benchmarks.aps_sources import RATE_HZ
-from benchmarks.bench_aps_fairness import ABUSES, LIMIT_GAP_MS, LIMIT_GROWTH_MB, measure
+from benchmarks.aps import bench_aps_routers
+from benchmarks.aps.aps_sources import RATE_HZ
+from benchmarks.aps.bench_aps_fairness import ABUSES, LIMIT_GAP_MS, LIMIT_GROWTH_MB, measure
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
@@ -59,7 +59,7 @@ async def test_no_turn_of_the_event_loop_takes_long(autopilot, connect, abuse, o
         await witness.next("ATTITUDE")
         arguments = ("--role", abuse, "--port", str(daemon.listen_port), "--seconds", "1.5")
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "benchmarks.bench_aps_fairness", *arguments),
+            *(sys.executable, "-m", "benchmarks.aps.bench_aps_fairness", *arguments),
             cwd=ROOT,
             stdin=asyncio.subprocess.DEVNULL,  # it need not wait
         )

@@ -2,7 +2,7 @@
 
 import json
 
-from benchmarks import bench_channel
+from benchmarks.channel import bench_channel
 
 
 def test_ticks_batches_and_single_packets_are_measured(capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.fit_coverage import SETS, synthetic_log
+from benchmarks.channel.fit_coverage import SETS, synthetic_log
 from channel.cli.law_plots import PLOTS
 from lostlink.cli.main import lostlink
 from tests.unit.bridge.record.tables.rows import fleet_columns, write_deliveries

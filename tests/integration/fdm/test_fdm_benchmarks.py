@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmarks import bench_fdm_fleet, bench_fdm_placement, bench_fdm_px4
+from benchmarks.fdm import bench_fdm_fleet, bench_fdm_placement, bench_fdm_px4
 
 
 @pytest.mark.slow

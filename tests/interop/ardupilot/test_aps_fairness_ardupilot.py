@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.aps_sources import RATE_HZ
-from benchmarks.bench_aps_fairness import ABUSES, LIMIT_GAP_MS, LIMIT_GROWTH_MB, measure
+from benchmarks.aps.aps_sources import RATE_HZ
+from benchmarks.aps.bench_aps_fairness import ABUSES, LIMIT_GAP_MS, LIMIT_GROWTH_MB, measure
 
 pytestmark = [pytest.mark.ardupilot, pytest.mark.slow]
 

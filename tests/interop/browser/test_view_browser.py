@@ -19,7 +19,7 @@ pytest.importorskip("playwright")
 from playwright.sync_api import Browser, Error, Locator, Page, expect
 from websockets.sync.client import connect
 
-from benchmarks.browser import chromium
+from benchmarks.record.browser import chromium
 from bridge.bus.keys import Keys
 from bridge.record.logged import LoggedValue
 from lostlink.view.broadcast import VIEWERS_MAX
@@ -498,7 +498,7 @@ def test_the_ua_that_is_chosen_is_armed_and_takes_off(browser: Browser, start_ru
 def test_fifty_ua_at_ten_updates_a_second() -> None:
     if chromium() is None:
         pytest.skip("no Chromium on this machine: apt-get install chromium")
-    command = [sys.executable, "-m", "benchmarks.bench_view", "--seconds", "2", "--json"]
+    command = [sys.executable, "-m", "benchmarks.record.bench_view", "--seconds", "2", "--json"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)

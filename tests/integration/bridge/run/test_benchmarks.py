@@ -10,15 +10,13 @@ from benchmarks import (
     bench_access,
     bench_chain,
     bench_fleet,
-    bench_media,
     bench_messages,
     bench_modem,
-    bench_record,
-    bench_recording,
-    bench_replay,
     bench_router,
     bench_study,
 )
+from benchmarks.channel import bench_media
+from benchmarks.record import bench_record, bench_recording, bench_replay
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
 

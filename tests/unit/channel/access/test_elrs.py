@@ -98,8 +98,9 @@ FIRMWARE_BYTES_PER_S = {
 }
 """User bytes that the firmware's own sender and receiver carry down: without sync; with it the least and the most.
 
-By `benchmarks/elrs/stubborn.cc`: `StubbornSender` and `StubbornReceiver` of commit 7702d0f, called slot by slot for
-2000 s as `rx_main.cpp` and `tx_main.cpp` do, chunks of 62 bytes always waiting; with sync from 20 places in its cycles.
+By `benchmarks/channel/elrs/stubborn.cc`: `StubbornSender` and `StubbornReceiver` of commit 7702d0f, called slot by slot
+for 2000 s as `rx_main.cpp` and `tx_main.cpp` do, chunks of 62 bytes always waiting; with sync from 20 places
+in its cycles.
 """
 
 

@@ -10,10 +10,10 @@ from statistics import fmean
 
 import pytest
 
-from benchmarks import bench_ns3
-from benchmarks.bench_ns3 import Mean
-from benchmarks.ns3 import ours, theirs
-from benchmarks.ns3.settings import SETTINGS, Setting, figures_of
+from benchmarks.channel import bench_ns3
+from benchmarks.channel.bench_ns3 import Mean
+from benchmarks.channel.ns3 import ours, theirs
+from benchmarks.channel.ns3.settings import SETTINGS, Setting, figures_of
 
 DATA = Path(__file__).parents[3] / "data" / "ns3_dcf.csv"
 QUICK_SEEDS, SEEDS = 2, 8

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.fit_coverage import ParameterSet, synthetic_log
+from benchmarks.channel.fit_coverage import ParameterSet, synthetic_log
 from channel import presets
 from channel.checks import ChannelInputError
 from channel.cli.commands import main

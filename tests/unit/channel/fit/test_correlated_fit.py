@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.correlated_logs import Truth, drawn
-from benchmarks.fit_coverage import ParameterSet, main, synthetic_log
+from benchmarks.channel.correlated_logs import Truth, drawn
+from benchmarks.channel.fit_coverage import ParameterSet, main, synthetic_log
 from channel.checks import ChannelInputError
 from channel.cli.commands import main as channel
 from channel.fit.calibration import fit_radio, fitted_radio

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.correlated_logs import FADED, Truth, drawn
+from benchmarks.channel.correlated_logs import FADED, Truth, drawn
 from channel.cli.commands import main as channel
 from channel.fit.calibration import fit_radio, fitted_radio
 from channel.fit.correlated.faded import FadedOutcomes, gain_density

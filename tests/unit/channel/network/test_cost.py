@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.bench_media import Fleet
+from benchmarks.channel.bench_media import Fleet
 
 NODES = 50
 ROUNDS = 5

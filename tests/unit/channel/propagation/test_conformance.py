@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.bench_oracles import error_rates, path_losses
+from benchmarks.channel.bench_oracles import error_rates, path_losses
 from channel import presets
 from channel.geometry import Path
 from channel.link.radio import Radio

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_record import Columns, fleet_columns
+from benchmarks.record.bench_record import Columns, fleet_columns
 from bridge.bus.keys import ALL
 from bridge.record.tables.deliveries import DELIVERIES, FATES, WORDS, DeliveryWriter, Vocabulary
 from bridge.record.tables.reader import read_columns

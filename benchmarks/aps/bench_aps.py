@@ -29,7 +29,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from aps.vehicle.telemetry import Telemetry
 from aps.wire.framer import Framer
 
-RECORDING = Path(__file__).parent.parent / "tests" / "data" / "mavlink_arducopter.bin"
+RECORDING = Path(__file__).parents[2] / "tests" / "data" / "mavlink_arducopter.bin"
 SYSID = 4
 CHUNK_BYTES = 1400
 RATES_HZ = (200, 2000, 0)

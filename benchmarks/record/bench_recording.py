@@ -4,8 +4,8 @@ Alternately flown: with the whole record (streams, tables, .tlog, and run.mcap w
 replaced by functions that do nothing). Fleets of stand-ins that fly legs; medians of the ratios of pairs: of speed in
 flight, of speed with the end of the record, and of sim time per CPU time of all processes, start and end included.
 
-    python -m benchmarks.bench_recording [--ua 2 8 16] [--duration 60] [--rounds 3] [--json]
-    python -m benchmarks.bench_recording --size [--ua 16] [--duration 625]     a million receptions, in MB by part
+    python -m benchmarks.record.bench_recording [--ua 2 8 16] [--duration 60] [--rounds 3] [--json]
+    python -m benchmarks.record.bench_recording --size [--ua 16] [--duration 625]  a million receptions, in MB by part
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
 from lostlink.flight.flight import Flight, Silent
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SLOT = 140
 SILENCED = """\
 import bridge.record.streams, bridge.record.tables.journal

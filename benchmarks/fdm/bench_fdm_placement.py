@@ -14,9 +14,14 @@ import statistics
 from collections.abc import Sequence
 from typing import get_args
 
-from benchmarks.bench_fdm import load
-from benchmarks.bench_fdm_ardupilot import arducopter_command, factor_with_physics, find_arducopter, running
-from benchmarks.bench_fdm_fleet import standin_commands
+from benchmarks.fdm.bench_fdm import load
+from benchmarks.fdm.bench_fdm_ardupilot import (
+    arducopter_command,
+    factor_with_physics,
+    find_arducopter,
+    running,
+)
+from benchmarks.fdm.bench_fdm_fleet import standin_commands
 from fdm.exchange.aircraft_spec import default_port
 from fdm.exchange.settings import Coupling, Placement
 

@@ -5,7 +5,7 @@ Chromium draws by software. Drawn are frames in which the map was drawn anew: it
 the shortest of forty drawings of the map, pixels and all: what a machine that is busy otherwise changes least. CPU is
 that of the serving process, in percent of a core.
 
-    python -m benchmarks.bench_view [--seconds 6] [--json]
+    python -m benchmarks.record.bench_view [--seconds 6] [--json]
 
 Needs Chromium and Playwright.
 """
@@ -27,8 +27,8 @@ from typing import Any
 
 import psutil
 
-from benchmarks.browser import open_browser
 from benchmarks.fifty_ua import TICK_NS, fifty, messages_of
+from benchmarks.record.browser import open_browser
 from bridge.bus.messages import decode, encode
 
 WARM_UP_S = 3.0
@@ -102,7 +102,7 @@ async def serve() -> None:
 @contextmanager
 def served() -> Iterator[tuple[str, psutil.Process]]:
     """The page's address, and its process."""
-    command = [sys.executable, "-m", "benchmarks.bench_view", "--serve"]
+    command = [sys.executable, "-m", "benchmarks.record.bench_view", "--serve"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -1,8 +1,8 @@
 """The real-time factor that a fleet reaches, over the number of UA: physics and autopilots alone.
 
-    python -m benchmarks.bench_fdm_fleet --autopilot arducopter standin --plot docs/img/fdm-fleet.png
-    python -m benchmarks.bench_fdm_fleet --autopilot standin --speed max --hover --coupling serial --sizes 2 8 16 32
-    python -m benchmarks.bench_fdm_fleet --autopilot px4 arducopter --sizes 1 2 4 6 8 --warm-up 12  # PX4 boots
+    python -m benchmarks.fdm.bench_fdm_fleet --autopilot arducopter standin --plot docs/img/fdm-fleet.png
+    python -m benchmarks.fdm.bench_fdm_fleet --autopilot standin --speed max --hover --coupling serial --sizes 2 8 16 32
+    python -m benchmarks.fdm.bench_fdm_fleet --autopilot px4 arducopter --sizes 1 2 4 6 8 --warm-up 12  # PX4 boots
 
 Writes a table in Markdown, and the plot if asked. The figure depends on the machine and on what else it does.
 """
@@ -26,8 +26,8 @@ from typing import get_args
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchmarks.bench_fdm import load
-from benchmarks.bench_fdm_ardupilot import (
+from benchmarks.fdm.bench_fdm import load
+from benchmarks.fdm.bench_fdm_ardupilot import (
     FIRST_INSTANCE,
     HOME,
     arducopter_command,
@@ -35,7 +35,7 @@ from benchmarks.bench_fdm_ardupilot import (
     find_arducopter,
     running,
 )
-from benchmarks.bench_fdm_px4 import px4_command
+from benchmarks.fdm.bench_fdm_px4 import px4_command
 from bridge.run.px4 import find_px4
 from fdm.exchange.aircraft_spec import Px4Peer, px4_port
 from fdm.exchange.exchange import default_port

@@ -1,6 +1,6 @@
 """lostlink's 802.11 DCF beside ns-3's, setting by setting: `python -m benchmarks ns3`.
 
-    python -m benchmarks.bench_ns3 [--seeds 8] [--only TEXT] [--record FILE]
+    python -m benchmarks.channel.bench_ns3 [--seeds 8] [--only TEXT] [--record FILE]
 
 Needs ns-3 3.37 with its headers (Debian: apt install libns3-dev) and g++. Figures are means over seeds, with their
 standard errors; z is the difference over its standard error. `--record` writes those of ns-3 as CSV.
@@ -18,8 +18,8 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import NamedTuple
 
-from benchmarks.ns3 import ours, theirs
-from benchmarks.ns3.settings import SETTINGS, Counts, Setting, figures_of
+from benchmarks.channel.ns3 import ours, theirs
+from benchmarks.channel.ns3.settings import SETTINGS, Counts, Setting, figures_of
 
 SEEDS = 8
 COLUMNS = ("setting", "group", "figure", "mean", "standard_error", "seeds")
@@ -101,7 +101,9 @@ def _rounded(mean: Mean) -> tuple[str, str]:
 
 def _record(file: Path, rows: Sequence[tuple[object, ...]], seeds: int) -> None:
     with file.open("w", newline="") as out:
-        out.write(f"# ns-3 3.37; python -m benchmarks.bench_ns3 --seeds {seeds} --record {file.name}\n")
+        out.write(
+            f"# ns-3 3.37; python -m benchmarks.channel.bench_ns3 --seeds {seeds} --record {file.name}\n"
+        )
         writer = csv.writer(out, lineterminator="\n")
         writer.writerows([COLUMNS, *rows])
 

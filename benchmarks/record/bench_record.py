@@ -3,7 +3,7 @@
 A moving fleet, everyone heard by everyone, appended tick by tick; beside it the CSV that was written before, a row at
 a time. Medians of CPU time.
 
-    python -m benchmarks.bench_record [--nodes 50] [--rows 1000000] [--rounds 3] [--json]
+    python -m benchmarks.record.bench_record [--nodes 50] [--rows 1000000] [--rounds 3] [--json]
 """
 
 from __future__ import annotations

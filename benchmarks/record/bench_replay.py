@@ -1,4 +1,4 @@
-"""How long it takes to decide a run's transmissions anew, and to play its record: python -m benchmarks.bench_replay.
+"""How long it takes to decide a run's transmissions anew, and to play its record: python -m benchmarks replay.
 
 Without --run it flies the scenario `separation` first (150 s of sim time, two UA).
 """

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from benchmarks.bench_fdm import load
-from benchmarks.bench_fdm_ardupilot import factor_with_physics, running
+from benchmarks.fdm.bench_fdm import load
+from benchmarks.fdm.bench_fdm_ardupilot import factor_with_physics, running
 from bridge.run.px4 import etc_of, find_px4
 from fdm.exchange.aircraft_spec import Px4Peer, px4_port
 from fdm.exchange.px4.one_core import keep_on_one_core, our_cores

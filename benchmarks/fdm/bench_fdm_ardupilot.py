@@ -24,7 +24,7 @@ from typing import get_args
 
 import psutil
 
-from benchmarks.bench_fdm import load
+from benchmarks.fdm.bench_fdm import load
 from bridge.fleet.autopilots.ardupilot import ArduPilot
 from bridge.fleet.autopilots.launcher import AutopilotError
 from fdm.clock.fleet_clock import ClockStatus
@@ -37,7 +37,7 @@ from fdm.wire.servo_packet import unpack_servo_packet
 from fdm.workers.fleet_exchange import FleetExchange, open_exchange
 
 HOME = Home(GeodeticPosition(47.3977, 8.5456, 488.0), 0.0)
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PARAMETERS = ROOT / "sitl_configs" / "params" / "copter.parm"
 LIMIT = 0.75
 FIRST_INSTANCE = 150

@@ -1,4 +1,4 @@
-"""`lostlink fit` on radios drawn at random, one log each: `python -m benchmarks.fit_random --radios 200`.
+"""`lostlink fit` on radios drawn at random, one log each: `python -m benchmarks.channel.fit_random --radios 200`.
 
 Counts by kind of reading how many of all 95 % intervals hold the truth. Exponents 2 to 12, sigma 0 to 10 dB, base loss
 0 to 0.3, other offsets and floors than the radio to start from; distances evenly or out and back; received powers
@@ -15,7 +15,7 @@ from time import process_time
 
 import numpy as np
 
-from benchmarks.fit_coverage import PACKETS, ParameterSet, synthetic_log, truth_of
+from benchmarks.channel.fit_coverage import PACKETS, ParameterSet, synthetic_log, truth_of
 from channel.fit.calibration import fit_radio
 from channel.fit.flight_log import FlightLog
 from channel.link.radio import Radio

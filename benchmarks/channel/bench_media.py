@@ -1,6 +1,6 @@
 """How many events a second a medium handles on one core, and how much faster than real time a network settles.
 
-    python -m benchmarks.bench_media [--nodes 50] [--duration 10] [--rounds 3]
+    python -m benchmarks.channel.bench_media [--nodes 50] [--duration 10] [--rounds 3]
 
 Saturated 802.11a stations with unicasts to one (Bianchi's case); nodes on a ring that broadcast 100 bytes at 10 Hz
 over `csma`, all hearing all, by a radio's powers and errors; and the same with moving nodes and all that is drawn, as a

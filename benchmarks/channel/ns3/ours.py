@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from math import inf
 
-from benchmarks.ns3.settings import Count, Counts, Place, Setting
+from benchmarks.channel.ns3.settings import Count, Counts, Place, Setting
 from channel.access.air import Hearing
 from channel.access.media.csma import Csma, DcfSettings
 from channel.access.packets import AirFate, AirFrame, AirPacket

@@ -1,4 +1,4 @@
-"""How far laws are from the values that ns-3 3.37 computed (tests/data): `python -m benchmarks.bench_oracles`."""
+"""How far laws are from the values that ns-3 3.37 computed (tests/data): `python -m benchmarks oracles`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from channel.propagation.path_loss import FreeSpace, LogDistance, PathLossModel
 from channel.propagation.two_ray import TwoSlope
 from channel.validity import ValidityWarning
 
-DATA = FilePath(__file__).parents[1] / "tests" / "data"
+DATA = FilePath(__file__).parents[2] / "tests" / "data"
 PLAIN: Mapping[str, PathLossModel] = {
     "friis": FreeSpace(),
     "two-ray": TwoSlope(),

@@ -1,10 +1,12 @@
-"""How often `lostlink fit` covers the truth: fits of synthetic logs, `python -m benchmarks.fit_coverage --repeats 100`.
+"""How often `lostlink fit` covers the truth: fits of synthetic logs.
+
+`python -m benchmarks.channel.fit_coverage --repeats 100`.
 
 Each set is a radio that differs from the one it is fitted from in every parameter. Logs are drawn with numpy's own
 generator, not with the draws of the medium: distances from 0.1 to 1.6 times the range of 50 % delivery, evenly at
 random or flown out and back, and received powers of what arrived where the set has them, rounded to the set's step.
 With `--correlated` the shadowing is correlated along the track: nine more radios, three of them with
-Rician fading, drawn with numpy alone (`benchmarks/correlated_logs.py`).
+Rician fading, drawn with numpy alone (`benchmarks/channel/correlated_logs.py`).
 A parameter is covered if its 95 % interval holds the truth; how many of the intervals had two ends is counted, too.
 """
 
@@ -20,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.correlated_logs import FADED, TRUTHS, drawn
+from benchmarks.channel.correlated_logs import FADED, TRUTHS, drawn
 from channel.config import RadioConfig
 from channel.fit.calibration import fit_radio
 from channel.fit.flight_log import FlightLog

@@ -27,9 +27,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.wire.framer import Framer
-from benchmarks.aps_sources import before_others
-from benchmarks.aps_witness import Piece, piece_of, stamped
-from benchmarks.bench_aps import cpu_ns
+from benchmarks.aps.aps_sources import before_others
+from benchmarks.aps.aps_witness import Piece, piece_of, stamped
+from benchmarks.aps.bench_aps import cpu_ns
 
 SYSID: Final = 4
 OUTPUTS: Final = 3

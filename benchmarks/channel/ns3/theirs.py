@@ -8,7 +8,7 @@ import subprocess
 from math import inf
 from pathlib import Path
 
-from benchmarks.ns3.settings import Count, Counts, Setting
+from benchmarks.channel.ns3.settings import Count, Counts, Setting
 
 SOURCE = Path(__file__).parent / "dcf.cc"
 HEADER = Path("/usr/include/ns3/wifi-module.h")

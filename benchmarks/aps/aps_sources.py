@@ -23,7 +23,7 @@ from bridge.fleet.autopilots.ardupilot import ArduPilot
 SYSID: Final = 4
 RATE_HZ: Final = 50
 HOME: Final = "47.3977,8.5456,488,90"
-PARAMETERS: Final = Path(__file__).parent.parent / "sitl_configs" / "params" / "copter.parm"
+PARAMETERS: Final = Path(__file__).parents[2] / "sitl_configs" / "params" / "copter.parm"
 _SYSTEM_TIME: Final = 2
 _ATTITUDE: Final = 30
 
@@ -103,7 +103,7 @@ def clock() -> None:
 
 @contextlib.contextmanager
 def _clock() -> Iterator[Source]:
-    with process("benchmarks.bench_aps_fairness", "--role", "clock", first=True) as child:
+    with process("benchmarks.aps.bench_aps_fairness", "--role", "clock", first=True) as child:
         port = int(line_of(child))
         yield Source(port, port, _SYSTEM_TIME)
 

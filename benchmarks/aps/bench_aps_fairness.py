@@ -1,6 +1,6 @@
 """What one client's abuse costs another: the longest gap at a witness that gets 50 messages a second.
 
-An autopilot, the daemon, a witness and an abuser are a process each. Times are the kernel's (`benchmarks.aps_witness`).
+An autopilot, the daemon, a witness and an abuser are a process each. Times are the kernel's (`aps_witness`).
 `control` is the same witness on the same autopilot without the daemon, in the same seconds: what the machine itself
 costs. Beside gaps, the longest time from the autopilot to the witness's socket, where the autopilot is the clock.
 """
@@ -22,14 +22,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.status import status_directory
 from aps.status_view import ask
-from benchmarks.aps_sources import SOURCES, SYSID, Source, clock, line_of, process
-from benchmarks.aps_witness import relay, witness
+from benchmarks.aps.aps_sources import SOURCES, SYSID, Source, clock, line_of, process
+from benchmarks.aps.aps_witness import relay, witness
 
 LIMIT_GAP_MS: Final = 50.0
 LIMIT_GROWTH_MB: Final = 20.0
 GARBAGE_BYTES: Final = 5_000_000
 CONNECTIONS: Final = 1000
-ME: Final = "benchmarks.bench_aps_fairness"
+ME: Final = "benchmarks.aps.bench_aps_fairness"
 
 
 # The abuses.

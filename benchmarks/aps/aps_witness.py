@@ -19,7 +19,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.wire.framer import Framer
-from benchmarks.aps_sources import RATE_HZ, SYSID
+from benchmarks.aps.aps_sources import RATE_HZ, SYSID
 
 _SO_TIMESTAMPING: Final = 37
 """Linux; Python has no name for it."""

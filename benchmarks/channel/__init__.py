@@ -1,0 +1,1 @@
+"""Benchmarks of the channel and its media, and what they are held against."""
