@@ -93,16 +93,18 @@ def routes_of(deliveries: Deliveries, ways: Mapping[str, Mapping[Ends, LinkWays]
 
 def _times_used(deliveries: Deliveries, radio: str, ways: Mapping[Ends, LinkWays]) -> NDArray[np.int64]:
     """How many packets came by each way, link by link."""
-    links = [tx * len(deliveries.nodes) + rx for (tx, rx), each in ways.items() for _ in each.nodes]
+    nodes = len(deliveries.nodes)
+    links = np.array([tx * nodes + rx for (tx, rx), each in ways.items() for _ in each.nodes])
     since_ns = np.array([at_ns for each in ways.values() for at_ns in each.since_ns])
     changes_ns = np.unique(since_ns)
-    keys = np.array(links) * (len(changes_ns) + 1) + np.searchsorted(changes_ns, since_ns, side="right")
+    keys = links * (len(changes_ns) + 1) + np.searchsorted(changes_ns, since_ns, side="right")
     used = np.zeros(len(keys), dtype=np.int64)
     for rows in deliveries.parts("radio", "arrived_ns"):
-        came = rows.at(rows.is_delivered & (rows.columns["radio"] == radio))
-        until = np.searchsorted(changes_ns, came.columns["arrived_ns"], side="right")
-        place = np.searchsorted(keys, came.link * (len(changes_ns) + 1) + until, side="right") - 1
-        is_known = np.array(links)[place] == came.link
+        came = rows.at(rows.is_delivered & (rows.columns["radio"] == radio)).columns
+        until = np.searchsorted(changes_ns, came["arrived_ns"], side="right")
+        link = came["tx"] * nodes + came["rx"]  # of this network alone
+        place = np.searchsorted(keys, link * (len(changes_ns) + 1) + until, side="right") - 1
+        is_known = (place >= 0) & (links[place] == link)  # else its way was lost
         used += np.bincount(place[is_known], minlength=len(used))
     return used
 
