@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import pytest
@@ -1350,13 +1350,13 @@ def test_a_reset_of_the_physics_does_not_stop_the_autopilot(ready: Bench) -> Non
 
 
 def test_frames_are_those_of_pymavlink_for_fewer_calls() -> None:
+    """Of zeros the first byte alone is sent."""
     codec, pymavlink = MavlinkCodec(7), dialect.MAVLink(None, 7, 1)
-    for kind in dialect.mavlink_map.values():
-        lengths = zip(kind.fieldtypes, kind.array_lengths, strict=True)
-        by_field = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    for kind, number in product(dialect.mavlink_map.values(), (1, 0)):
+        counts = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
         values = [
-            b"x" if field_type == "char" else [1] * by_field[field] if by_field[field] else 1
-            for field, (field_type, _) in zip(kind.fieldnames, lengths, strict=True)
+            b"x" * number if field_type == "char" else [number] * counts[field] if counts[field] else number
+            for field, field_type in zip(kind.fieldnames, kind.fieldtypes, strict=True)
         ]
         theirs = kind(*values).pack(pymavlink)
         pymavlink.seq = (pymavlink.seq + 1) % 256
