@@ -12,7 +12,7 @@ from channel.access.packets import PLAIN, Handling
 from channel.access.settings.base import Serial
 from channel.access.settings.delay import DelayMedium
 from channel.access.settings.elrs import ElrsMedium
-from channel.access.settings.medium import MediumSettings
+from channel.access.settings.medium import MediumSettings, goes_by_messages
 from channel.access.settings.sik import SikMedium
 
 SIK_BAUD, ELRS_BAUD = 57_600, 460_800
@@ -98,7 +98,7 @@ def peers_of(medium: MediumSettings, nodes: Sequence[str]) -> dict[int, frozense
 
 def handling_of(medium: MediumSettings, unit: bytes) -> Handling:
     """How a unit is handled: by its MAVLink messages, where the queues of its medium go by these."""
-    return handled(unit, PLAIN) if getattr(getattr(medium, "queue", None), "mavlink", False) else PLAIN
+    return handled(unit, PLAIN) if goes_by_messages(medium) else PLAIN
 
 
 def counts_foreign(medium: MediumSettings) -> bool:

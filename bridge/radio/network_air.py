@@ -21,6 +21,7 @@ from bridge.record.tables.deliveries import Cause, Gap, Vocabulary, columns_of, 
 from bridge.record.tables.schema import Columns
 from channel.access.mavlink import handled
 from channel.access.packets import Handling, Reply
+from channel.access.settings.medium import goes_by_messages
 from channel.medium.ledger import Ledger
 from channel.medium.medium import Medium
 from channel.medium.reception import EVERYBODY, Packets, Receptions
@@ -108,8 +109,7 @@ class NetworkAir:
         self.addressees = {ALL: EVERYBODY, **self.index, **known}
         self.ledger = Ledger(medium.nodes, causes=tuple(Cause), addressees=medium.addressees)
         self._network = network
-        queue = getattr(medium.radios[0].config.medium, "queue", None)
-        self._is_mavlink = bool(getattr(queue, "mavlink", False))
+        self._is_mavlink = goes_by_messages(medium.radios[0].config.medium)
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
         """By place of the sender in the medium, and number."""
         self._queues: dict[int, tuple[int, int]] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import AfterValidator, ConfigDict, Field
 
 from bridge.scenario.parts import Part
 from sitl_configs.settings import refused
@@ -23,11 +23,6 @@ def _rising(interval: tuple[float, float]) -> tuple[float, float]:
 
 Interval = Annotated[tuple[Seconds, Seconds], AfterValidator(_rising)]
 """From and to, both inside."""
-NodeId = Annotated[
-    str,
-    BeforeValidator(lambda value: str(value) if type(value) is int else value),
-    WithJsonSchema({"type": ["string", "integer"]}),
-]
 Nodes = Mapping[str, tuple[str, ...]]
 
 

@@ -9,7 +9,6 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from bridge.scenario.expectation_parts import (
     ExpectationPart,
     Interval,
-    NodeId,
     Nodes,
     Share,
     bounds,
@@ -18,7 +17,7 @@ from bridge.scenario.expectation_parts import (
     when,
 )
 from bridge.scenario.own_measures import FunctionExpectation, LoggedExpectation
-from bridge.scenario.parts import Metres, Positive
+from bridge.scenario.parts import Metres, NodeId, Positive
 from sitl_configs.settings import refused
 
 INSTANTS = ("end", "ever", "always")

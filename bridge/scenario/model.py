@@ -28,6 +28,7 @@ from bridge.scenario.nodes import (
     Transceiver,
 )
 from bridge.scenario.parts import (
+    RESERVED_ID,
     Parameters,
     Part,
     RadioSetting,
@@ -44,8 +45,6 @@ from sitl_configs.yaml_text import read_yaml, yaml_of
 
 SCHEMA = 1
 MAX = "max"
-RESERVED_ID = "all"
-"""Of packets for every node (`bridge.bus.keys.ALL`); no node is called so."""
 OF_ALL = "the address of packets for every node"
 START_TIME_UNIX_S = 1_700_000_000
 """GPS time of autopilots at boot, and time of the records at sim time 0: the host's time would not repeat."""

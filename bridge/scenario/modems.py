@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from bridge.scenario.expectation_parts import NodeId
-from bridge.scenario.parts import Part
+from bridge.scenario.parts import RESERVED_ID, NodeId, Part
 
 SERVE_PORT = 5790
 """Where a ground station's modem is served unless the scenario says otherwise."""
-TO_ALL: Final = "all"
 Baud = Annotated[int | None, Field(strict=True, ge=1200, le=4_000_000)]
 
 
@@ -67,4 +65,4 @@ def addressee_of(modems: Mapping[str, UaModem | GroundModem], node: str) -> str 
     to, others = modems[node].to, [each for each in modems if each != node]
     if to is None:
         return others[0] if len(others) == 1 else None
-    return None if to == TO_ALL else to
+    return None if to == RESERVED_ID else to

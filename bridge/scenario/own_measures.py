@@ -9,13 +9,12 @@ from pydantic import Field, JsonValue, model_validator
 from bridge.scenario.expectation_parts import (
     ExpectationPart,
     Interval,
-    NodeId,
     Nodes,
     bounds,
     check_bounds,
     when,
 )
-from bridge.scenario.parts import Finite, PlacedName
+from bridge.scenario.parts import Finite, NodeId, PlacedName
 
 
 class _Measured(ExpectationPart):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 from unicodedata import normalize
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from sitl_configs.settings import Settings
 
@@ -32,6 +32,15 @@ PlacedName = Annotated[str, Field(pattern=_PLACED_NAME), AfterValidator(_placed_
 """A class or function, by its file or module and its name there."""
 Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
 """A name; names become parts of names of files, which systems bound."""
+
+NodeId = Annotated[
+    str,
+    BeforeValidator(lambda value: str(value) if type(value) is int else value),
+    WithJsonSchema({"type": ["string", "integer"]}),
+]
+"""As other parts of a scenario name a node, whose id may be written as a number."""
+RESERVED_ID = "all"
+"""Of packets for every node (`bridge.bus.keys.ALL`); no node is called so."""
 
 
 def _radio(value: object) -> object:

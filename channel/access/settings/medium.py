@@ -53,6 +53,11 @@ def up_share_of(settings: MediumSettings) -> float:
     return settings.up_share if isinstance(settings, DelayMedium) else 1.0
 
 
+def goes_by_messages(settings: MediumSettings) -> bool:
+    """Whether the queues of a medium, one's own too, go by the MAVLink messages that packets consist of."""
+    return bool(getattr(getattr(settings, "queue", None), "mavlink", False))
+
+
 def carriers_of(settings: MediumSettings) -> Carriers | None:
     """Where a medium is on the air, one's own too: on the radio's carrier unless it says so; None: nowhere."""
     found: Carriers | None = getattr(settings, "carriers", Carriers)()

@@ -10,7 +10,7 @@ import pytest
 from bridge.bus.keys import ALL
 from bridge.scenario.document.settings import Setting, parse_setting
 from bridge.scenario.file import ScenarioError, parse_scenario, read_scenario, with_changes
-from bridge.scenario.model import RESERVED_ID
+from bridge.scenario.parts import RESERVED_ID
 from bridge.scenario.resolve.flight import wind_of
 from bridge.scenario.resolve.radio import radio_of
 
