@@ -295,14 +295,5 @@ def tallies_of(deliveries: Deliveries, scenario: Scenario) -> list[AirTally]:
     return list(tallies.values()) if has_any else []
 
 
-def account_of(
-    rows: DeliveryRows, capacity: Capacity, end_ns: int, on_air_ns: int | None = None
-) -> AirAccount:
-    """The account of a network, of all its rows. Arguments as of `AirTally`."""
-    tally = AirTally(capacity)
-    tally.add(rows)
-    return tally.account(end_ns, on_air_ns)
-
-
 def _number(values: Numbers | None, row: int) -> float | None:
     return None if values is None or np.isnan(values[row]) else float(values[row])

@@ -12,7 +12,7 @@ import pytest
 
 from bridge.record.tables.deliveries import FATES
 from channel.access.settings.sik import _carried_bps
-from lostlink.reading.air.account import AirTally, account_of
+from lostlink.reading.air.account import AirAccount, AirTally
 from lostlink.reading.air.capacity import Capacity, rate_text
 from lostlink.reading.air.too_long import TooLong, remark_of, warnings_of
 from lostlink.reading.air.use import (
@@ -44,6 +44,12 @@ DELAY = "{preset: telemetry-915, medium: {model: delay, least_s: 0, median_s: 0,
 
 def capacity(radio: str) -> Capacity:
     return Capacity.of(scenario_of(radio, NODES))
+
+
+def account_of(given: DeliveryRows, of: Capacity, end_ns: int, on_air_ns: int | None = None) -> AirAccount:
+    tally = AirTally(of)
+    tally.add(given)
+    return tally.account(end_ns, on_air_ns)
 
 
 def rows(*given: dict[str, Any]) -> DeliveryRows:

@@ -14,10 +14,8 @@ from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.model import Scenario
 from lostlink.plan.plan import plan_of
 from lostlink.plan.radios.networks import rates_that_differ
-from lostlink.reading.air.account import account_of
-from lostlink.reading.air.capacity import Capacity
-from lostlink.reading.air.use import NEEDED
-from lostlink.reading.rows import link_rows
+from lostlink.reading.air.account import tallies_of
+from lostlink.reading.rows import RecordedDeliveries
 from lostlink.redecision.redecide import redecide
 from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown
 
@@ -73,7 +71,8 @@ def test_each_nodes_frames_last_at_its_own_rate(
     assert redecide(run).comparison.is_same
 
     end_ns = ticks * TICK_NS
-    account = account_of(link_rows(run, ("0", "1"), NEEDED), Capacity.of(scenario), end_ns)
+    [tally] = tallies_of(RecordedDeliveries(run, ("0", "1")), scenario)
+    account = tally.account(end_ns)
     share = (ticks // every) * sum(map(frame_s, rates_bps)) / (end_ns / 1e9)
     assert account.use_share == pytest.approx(share, rel=1e-6)
     if medium == "airtime":
