@@ -141,6 +141,33 @@ def test_modems_lose_units_to_the_causes_that_the_links_have(
     assert ("base_loss" in links["0"]["lost"]) == (radio == "sik-433")
 
 
+LISTENS = """
+from bridge.agents import Agent
+
+
+class Listens(Agent):
+    async def fly(self):
+        self.log("listens", 1)
+        self.ua.radios["telemetry"].on_reply(lambda reply: self.log("reply", reply.seq))
+        await self.sleep(4.0)
+"""
+
+
+@pytest.mark.slow
+def test_what_becomes_of_a_modems_frames_is_told_no_agent(
+    tmp_path: Path, free_slot: Callable[[int], int]
+) -> None:
+    """They are unicasts, which csma acknowledges; the agent at the node has not sent them."""
+    (tmp_path / "mine.py").write_text(LISTENS, encoding="utf-8")
+    values = {"name": "told", "duration_s": 3, "radio": "wifi-2.4", "count": 1}
+    text = SCENARIO.format(**values, slot=free_slot(1))
+    text = text.replace("agent: {type: still}}", "agent: {type: own, class: 'mine.py:Listens'}}", 1)
+    run, summary = flown(text, tmp_path, [])
+    (link,) = (each for each in summary["links"] if each["radio"] == "telemetry" and each["tx"] == "gcs")
+    assert link["delivered"] > 0
+    assert load_run(run).agent_data.name.tolist() == ["listens"]
+
+
 @pytest.mark.slow
 def test_what_is_for_one_node_is_acknowledged_and_tried_again(
     tmp_path: Path, free_slot: Callable[[int], int]
