@@ -40,7 +40,8 @@ class Px4(Launcher):
         Raises:
             AutopilotError: if not, with the places that were looked at.
         """
-        if airframe_of(ua).px4 is None:
+        px4 = airframe_of(ua).px4
+        if px4 is None:
             raise AutopilotError(
                 f"UA {ua.id}: airframe {ua.airframe} has no section px4: PX4 cannot fly it "
                 "(docs/how-to/px4.md shows how to write one)"
@@ -51,12 +52,11 @@ class Px4(Launcher):
                 f"UA {ua.id} would be PX4's instance {scenario.instance(ua)}, beyond {INSTANCE_MAX}, where ports of "
                 "others begin: lower ports.first_slot (--first-slot)"
             )
-        fractions = {
-            name: value for name, value in (scenario.parameters | ua.parameters).items() if value % 1
-        }
+        values = px4.parameters | scenario.parameters | ua.parameters
+        fractions = {name: value for name, value in values.items() if value % 1}
         for name in sorted(fractions.keys() & whole_parameters(binary) if fractions else ()):
             raise AutopilotError(
-                f"UA {ua.id}: parameters.{name} is {fractions[name]:g}, and of PX4 a whole number: it would be "
+                f"UA {ua.id}: parameter {name} is {fractions[name]:g}, and of PX4 a whole number: it would be "
                 f"{int(fractions[name])}"
             )
 

@@ -6,6 +6,7 @@ import json
 import lzma
 import re
 import signal
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from shutil import copytree
@@ -104,20 +105,25 @@ def test_an_instance_beyond_its_ports_is_refused(px4_home: Path) -> None:
         launcher.check(scenario, scenario.ua[1])
 
 
-def test_an_airframe_that_px4_does_not_know_is_refused(tmp_path: Path, px4_home: Path) -> None:
-    file = tmp_path / "own.yaml"
+def with_airframe(folder: Path, changed: Callable[[str], str]) -> Scenario:
+    """UA 0 has an f450 whose file is changed."""
+    file = folder / "own.yaml"
     airframes = SCENARIOS.parent / "airframes"
-    copytree(airframes / "jsbsim", tmp_path / "jsbsim")
-    shipped = (airframes / "f450.yaml").read_text(encoding="utf-8")
-    file.write_text(shipped[: shipped.index("px4:")], encoding="utf-8")
-    scenario = parse_scenario(SEPARATION.replace("airframe: f450", f"airframe: {file}", 1), "my.yaml")
+    copytree(airframes / "jsbsim", folder / "jsbsim")
+    file.write_text(changed((airframes / "f450.yaml").read_text(encoding="utf-8")), encoding="utf-8")
+    return parse_scenario(SEPARATION.replace("airframe: f450", f"airframe: {file}", 1), "my.yaml")
+
+
+def test_an_airframe_that_px4_does_not_know_is_refused(tmp_path: Path, px4_home: Path) -> None:
+    scenario = with_airframe(tmp_path, lambda shipped: shipped[: shipped.index("px4:")])
     with pytest.raises(AutopilotError, match="has no section px4"):
         Px4({"PX4_HOME": str(px4_home)}).check(scenario, scenario.ua[0])
 
 
-def test_a_fraction_for_what_px4_has_as_a_whole_number_is_refused(px4_home: Path) -> None:
+def test_a_fraction_for_what_px4_has_as_a_whole_number_is_refused(tmp_path: Path, px4_home: Path) -> None:
     """Its shell would take GF_ACTION 2.5 for 2 without a word."""
-    listed = [{"name": "GF_ACTION", "type": "Int32"}, {"name": "MPC_XY_CRUISE", "type": "Float"}]
+    kinds = {"GF_ACTION": "Int32", "CA_ROTOR_COUNT": "Int32", "MPC_XY_CRUISE": "Float"}
+    listed = [{"name": name, "type": kind} for name, kind in kinds.items()]
     extras = px4_home / "build" / "px4_sitl_default" / "etc" / "extras"
     (extras / "parameters.json.xz").write_bytes(lzma.compress(json.dumps({"parameters": listed}).encode()))
     px4 = Px4({"PX4_HOME": str(px4_home)})
@@ -129,6 +135,9 @@ def test_a_fraction_for_what_px4_has_as_a_whole_number_is_refused(px4_home: Path
         scenario = scenario_of(f"parameters: {{{values}}}\n")
         with pytest.raises(AutopilotError, match=reason) if reason else nullcontext():
             px4.check(scenario, scenario.ua[0])
+    own = with_airframe(tmp_path, lambda shipped: shipped.replace("CA_ROTOR_COUNT: 4", "CA_ROTOR_COUNT: 4.5"))
+    with pytest.raises(AutopilotError, match=r"CA_ROTOR_COUNT is 4\.5"):
+        px4.check(own, own.ua[0])
 
 
 def test_without_a_px4_the_places_are_told() -> None:
