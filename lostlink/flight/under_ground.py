@@ -13,12 +13,13 @@ from bridge.scenario.resolve.radio import radios_of
 from channel.propagation.terrain import Terrain
 from channel.validity import OutsideValidityError
 from lostlink.plan.below_ground import BELOW_M
+from lostlink.plan.named import named
 from lostlink.reading.air.use import NS_PER_S
 from lostlink.reading.positions import Floats, places_of
 
 
 def under_ground(scenario: Scenario, run: RunDirectory) -> Iterator[str]:
-    """A warning for each UA that was below the terrain of a radio."""
+    """A warning for each network with UA that were below the terrain of its radio, the deepest first."""
     laws = list(_terrains(scenario))
     if not laws:
         return
@@ -26,15 +27,20 @@ def under_ground(scenario: Scenario, run: RunDirectory) -> Iterator[str]:
         ticks_ns, places = places_of(run.path, scenario.stations)
     except (OSError, TableError):
         return  # why it cannot be read is reported where it should have become Parquet
+    told: dict[str, list[tuple[float, str]]] = {}
     for network, node, law in laws:
         below_m = _below_m(law, places[node])
         found = np.flatnonzero(below_m > BELOW_M)
         if found.size:
-            yield (
-                f"UA {node}: up to {below_m[found].max():.0f} m below the terrain of the radio of network {network}, "
-                f"first at {ticks_ns[found[0]] / NS_PER_S:g} s: nothing of it stops an aircraft, and its antenna "
-                "counted as just above the ground"
-            )
+            deepest_m, first_s = float(below_m[found].max()), ticks_ns[found[0]] / NS_PER_S
+            words = f"{node} by up to {deepest_m:.0f} m, first at {first_s:g} s"
+            told.setdefault(network, []).append((deepest_m, words))
+    for network, deep in told.items():
+        deep.sort(key=lambda one: -one[0])
+        yield (
+            f"below the terrain of the radio of network {network}: UA {named([words for _, words in deep], '; ')}: "
+            "nothing of it stops an aircraft, and antennas there counted as just above the ground"
+        )
 
 
 def _terrains(scenario: Scenario) -> Iterator[tuple[str, str, Terrain]]:

@@ -337,12 +337,12 @@ SLOPE = (
         (
             620,
             "{{type: still}}",
-            "UA 1: up to 5 m below the terrain of the radio of network main, first at 0 s: ",
+            "below the terrain of the radio of network main: UA 1 by up to 5 m, first at 0 s: ",
         ),
         pytest.param(
             580,
             "{{type: out_and_back, altitude_m: 15, distance_m: 120, speed_mps: 12}}",
-            "UA 1: up to 10 m below the terrain of the radio of network main, first at ",
+            "below the terrain of the radio of network main: UA 1 by up to 10 m, first at ",
             marks=pytest.mark.slow,
         ),
     ],
