@@ -62,6 +62,9 @@ def rules_of(run: str, identity: Identity) -> Iterable[Rule]:
         return [key for row in TABLE if identity.role in right(row) for key in _keys(run, identity, row.key)]
 
     asked, served = keys_of(lambda row: row.asks), keys_of(lambda row: row.serves)
+    looked_at = [row.key for row in TABLE if identity.role in row.serves and OBSERVER in row.asks]
+    # Whoever looks may ask all nodes at once, which is more than what a host serves; it is asked for its own.
+    of_all_nodes = [f"{Keys(run).prefix}/{key.format(node='*')}" for key in looked_at]
     wanted = (
         ("write", INGRESS, ("put",), keys_of(lambda row: row.writes)),
         ("listen", INGRESS, ("declare_subscriber",), _scope(run, identity)),
@@ -70,7 +73,7 @@ def rules_of(run: str, identity: Identity) -> Iterable[Rule]:
         ("ask", INGRESS, ("query",), asked),
         ("hear", EGRESS, ("reply", "declare_queryable"), asked),
         ("serve", INGRESS, ("declare_queryable", "reply"), served),
-        ("be-asked", EGRESS, ("query",), served),
+        ("be-asked", EGRESS, ("query",), [*served, *of_all_nodes]),
         ("hold", INGRESS, ("liveliness_token",), keys_of(lambda row: row.holds)),
         ("watch", INGRESS, ("liveliness_query", "declare_liveliness_subscriber"), _watched(identity)),
         ("see", EGRESS, ("liveliness_token",), _watched(identity)),

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -220,6 +221,22 @@ def test_commands_reach_the_aircraft_of_operators_and_of_its_own_node(router: Gu
     assert got.pop("node-0") == got.pop("host-0") == [["node/0/cmd/arm"], nothing]
     assert all(answers == [nothing, nothing] for answers in got.values()), got
     assert stolen == []
+
+
+def test_who_looks_may_ask_all_nodes_whatever_host_they_are_on(router: Guarded) -> None:
+    def answer(query: zenoh.Query, node: str) -> None:
+        with query:
+            query.reply(f"{PREFIX}node/{node}/mavlink/HEARTBEAT", b"{}")
+
+    with router.client("host-0") as host_0, router.client("host-1") as host_1:
+        host_0.serve(f"{PREFIX}node/0/mavlink/*", partial(answer, node="0"))
+        host_1.serve(f"{PREFIX}node/1/mavlink/*", partial(answer, node="1"))
+        with router.stranger("observer", "observer") as session:
+            for node in "01":
+                while not replies(session, f"{PREFIX}node/{node}/mavlink/HEARTBEAT"):
+                    pass  # until the hosts' declarations have come to the router
+            heard = replies(session, f"{PREFIX}node/*/mavlink/HEARTBEAT")
+    assert sorted(heard) == ["node/0/mavlink/HEARTBEAT", "node/1/mavlink/HEARTBEAT"]
 
 
 def test_only_a_process_says_that_it_is_there_and_nodes_do_not_see_it(router: Guarded) -> None:
