@@ -57,6 +57,8 @@ from bridge.timeouts import COMMAND_QUERY_S, FIRST_STATE_S, RADIO_ANSWER_S
 log = logging.getLogger("beside")
 ASK_AGAIN_S = 0.1
 """For a radio that has yet to start."""
+UNANSWERED_TICKS = 3
+"""Ticks without an answer, after which a node has nobody who answers: the first may be from before the program."""
 _Came = Callable[[], object]
 """Something that Zenoh brought, and what is to be done with it."""
 
@@ -160,6 +162,7 @@ class _TicksOnBus:
         self._ua, self._arrivals = ua, arrivals
         self._before_ns = self._clock_ns = self._answered_ns = self._released_ns = -1
         self._is_due = self._has_state = False
+        self._unanswered = 0
         self._settled: list[_Came] = []
         self._released: list[tuple[int, list[_Came]]] = []
         for key, handler in (
@@ -228,7 +231,8 @@ class _TicksOnBus:
                 came()
         self._released = [each for each in self._released if each[0] == self._clock_ns]
         self.feeder.tick(self._clock_ns, self._arrivals.take())
-        if self._has_state:
+        self._unanswered += self._answered_ns < 0
+        if self._has_state or self._unanswered >= UNANSWERED_TICKS:
             self.has_begun.set()
 
     def _state_came(self, sample: Sample) -> None:
@@ -295,9 +299,9 @@ async def connect_ua(
 ) -> AsyncIterator[UaClient]:
     """Join a run beside the agent of ``node``, or in place of one.
 
-    Beside an agent it begins with the node's state, as an agent on board does: ``state`` is None only where the
-    autopilot does not know yet where it is, or if no state comes within `FIRST_STATE_S` of wall time, as from a clock
-    that is held.
+    It begins with the node's state, as an agent on board does: ``state`` is None only where the autopilot does not
+    know yet where it is, for a ``free`` node on the ground, which no host serves, or if no state comes within
+    `FIRST_STATE_S` of wall time, as from a clock that is held.
 
     Args:
         run: its directory, or its name if that is in `runs/`.
@@ -323,9 +327,8 @@ async def connect_ua(
         ticks = _TicksOnBus(session, keys, ua, inbox, arrivals)
         if is_sender:
             ua.go_on_from(await _next_packet(session, keys, node))
-        else:
-            with suppress(TimeoutError):  # the clock is held, or the node is no aircraft and has nobody at it
-                await asyncio.wait_for(ticks.has_begun.wait(), FIRST_STATE_S)
+        with suppress(TimeoutError):  # the clock is held
+            await asyncio.wait_for(ticks.has_begun.wait(), FIRST_STATE_S)
         try:
             yield ua
         except Exception as error:

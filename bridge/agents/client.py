@@ -366,7 +366,9 @@ class UaClient(Commands):
         events: asyncio.Queue[CommandEvent | None],
         on_feedback: Callable[[CommandEvent], object] | None,
     ) -> CommandEvent:
+        is_answered = False
         while (event := await events.get()) is not None:
+            is_answered = True
             if event.phase == CommandEvent.RESULT:
                 if not event.success:
                     raise failure(event.outcome, f"UA {self.node}: {verb}: {event.text}")
@@ -375,7 +377,11 @@ class UaClient(Commands):
                 on_feedback(event)
         if self.is_over:
             raise self._over(verb)
-        raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
+        if is_answered:
+            raise CommandFailed(f"UA {self.node}: {verb}: nobody carried it out to the end")
+        raise CommandFailed(
+            f"node {self.node}: {verb}: nobody answers: a node on the ground whose agent is free takes no commands"
+        )
 
     def _still_waiting(self) -> TimeoutError:
         return TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.2f} s of sim time")

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
+import json
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from bridge.agents import RunOver, UaClient, connect_ua
+from bridge.agents import CommandFailed, RunOver, UaClient, connect_ua
 from bridge.bus.keys import Keys
 from bridge.bus.messages import (
     AircraftState,
@@ -198,6 +202,64 @@ async def test_a_program_is_not_let_in_as_a_sender_where_no_radio_answers(
     with pytest.raises(SessionError, match="the radio does not answer with the next packet of node 1"):
         async with connect_ua(RUN, "1", is_sender=True, access=access_to(router)):
             pass
+
+
+@pytest.fixture
+def radio(router: Guarded) -> Session:
+    """A radio that says that the node's next packet is the seventh."""
+    key = KEYS.next_packet("1")
+    value = json.dumps({"seq": 7, "sim_time_ns": 0})
+    event = CommandEvent(CommandEvent.RESULT, True, value=value)
+    router.session.serve(key, lambda query: reply_event(query, key, event))
+    return router.session
+
+
+@contextmanager
+def ticking(session: Session, *, has_host: bool) -> Iterator[None]:
+    """A clock that ticks; a host answers, and says the state of its node at every other tick."""
+    stop = threading.Event()
+
+    def tick() -> None:
+        for now_ns in itertools.count(TICK_NS, TICK_NS):
+            if stop.wait(0.01):
+                return
+            session.put(KEYS.clock, Clock(Header.at(now_ns, "")))
+            if has_host:
+                if now_ns % (2 * TICK_NS) == 0:
+                    session.put(KEYS.state("1"), STATE)
+                session.put(KEYS.answer("1"), Header.at(now_ns, "1"))
+            session.put(KEYS.clock_release, Header.at(now_ns, ""))
+
+    clock = threading.Thread(target=tick)
+    clock.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        clock.join()
+
+
+async def test_a_program_that_flies_a_free_node_begins_with_its_state(
+    router: Guarded, radio: Session
+) -> None:
+    with ticking(radio, has_host=True):
+        async with connect_ua(RUN, "1", is_sender=True, access=access_to(router)) as ua:
+            assert ua.state == STATE
+            assert ua.transmit("team", b"x") == 7
+
+
+async def test_a_node_that_no_host_serves_has_no_state_and_takes_no_commands(
+    router: Guarded, radio: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bridge.agents.beside.FIRST_STATE_S", 600.0)
+    with ticking(radio, has_host=False):
+        async with (
+            asyncio.timeout(10.0),
+            connect_ua(RUN, "1", is_sender=True, access=access_to(router)) as ua,
+        ):
+            assert ua.state is None
+            with pytest.raises(CommandFailed, match="node 1: rtl: nobody answers: a node on the ground"):
+                await ua.rtl()
 
 
 async def test_a_script_beside_the_agent_is_told_that_it_cannot_transmit(router: Guarded) -> None:
