@@ -195,7 +195,8 @@ class RecordedRadio:
     def tell_refusal(self, text: str) -> None:
         """Log what was refused, the first times."""
         if self.core.refused.total() <= REFUSALS_LOGGED_MAX:
-            log.warning("refused %s; refused so far: %s", text, dict(self.core.refused))
+            so_far = ", ".join(f"{count} {reason}" for reason, count in self.core.refused.items())
+            log.warning("refused %s; refused so far: %s", text, so_far)
 
     def tell_what_is_waited_for(self) -> None:
         """Log why no tick is closed."""

@@ -50,7 +50,7 @@ def test_refusals_are_logged_the_first_times(radio: RecordedRadio, caplog: pytes
         radio.packet(Address("0", MAIN, "9", "team"), b"", "", Stamp(number, 0))
     assert len(caplog.messages) == REFUSALS_LOGGED_MAX
     assert caplog.messages[0] == (
-        "refused a packet of node 0 to 9 on team; refused so far: {<Refused.UNKNOWN_ADDRESS: 'unknown_address'>: 1}"
+        "refused a packet of node 0 to 9 on team; refused so far: 1 unknown_address"
     )
 
 
