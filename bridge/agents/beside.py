@@ -161,7 +161,7 @@ class _TicksOnBus:
         """Set once the program has its node's state, or has nothing to wait for any more."""
         self._ua, self._arrivals = ua, arrivals
         self._before_ns = self._clock_ns = self._answered_ns = self._released_ns = -1
-        self._is_due = self._has_state = False
+        self._is_due = self._has_state = self._has_left = False
         self._unanswered = 0
         self._settled: list[_Came] = []
         self._released: list[tuple[int, list[_Came]]] = []
@@ -182,7 +182,13 @@ class _TicksOnBus:
             keys.alive("router"), lambda _, is_alive: None if is_alive else inbox.push(self.end)
         )
 
+    def leave(self) -> None:
+        """The program leaves: what has come and waits for the event loop is given to it no more."""
+        self._has_left = True
+
     def _take(self, handler: Callable[[Sample], None], sample: Sample) -> None:
+        if self._has_left:
+            return
         try:
             handler(sample)
         except DecodeError as error:
@@ -336,5 +342,6 @@ async def connect_ua(
                 ticks.feeder.fail_in_flight(error)
             raise
         finally:
+            ticks.leave()
             if is_sender:
                 ua.report("its program leaves")

@@ -140,6 +140,21 @@ def test_a_script_of_a_run_that_is_over_waits_for_nothing() -> None:
     assert ticks.has_begun.is_set()
 
 
+def test_a_program_that_has_left_is_given_nothing_of_what_waited() -> None:
+    """Its session is closed: a callback that transmits would raise, and end the run by its name."""
+    bus, ua = Bus(), UaClient("1", SimpleNamespace())  # type: ignore[arg-type]
+    waiting: list[Callable[[], object]] = []
+    ticks = _TicksOnBus(bus, KEYS, ua, SimpleNamespace(push=waiting.append), Arrivals())  # type: ignore[arg-type]
+    came: list[int] = []
+    ua.on_tick(came.append)
+    for tick in (1, 2):
+        put(bus, "clock", tick)
+    waiting.pop(0)()
+    ticks.leave()
+    waiting.pop(0)()
+    assert came == [TICK_NS]
+
+
 def put(bus: Bus, name: str, tick: int) -> None:
     now_ns = tick * TICK_NS
     match name:
