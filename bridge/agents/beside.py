@@ -345,3 +345,5 @@ async def connect_ua(
             ticks.leave()
             if is_sender:
                 ua.report("its program leaves")
+            if not ua.is_over:
+                ua.end("the program has left the run")

@@ -112,7 +112,7 @@ class UaClient(Commands):
         self.malformed = 0
         """Packets and the like that the agent could not read."""
         self.sim_time_ns = 0
-        self.is_over = False
+        self.is_over, self._why_over = False, ""
         """Whether the run is over; what is still transmitted or commanded has no effect, as nobody could hear it."""
         self.sent = 0
         self.received = 0
@@ -387,7 +387,7 @@ class UaClient(Commands):
         return TimeoutError(f"still waiting at {self.sim_time_ns / 1e9:.2f} s of sim time")
 
     def _over(self, what: str) -> RunOver:
-        return RunOver(f"UA {self.node}: {what}: the run is over")
+        return RunOver(f"UA {self.node}: {what}: {self._why_over}")
 
     # --- fed by the host, or by Zenoh
 
@@ -415,9 +415,9 @@ class UaClient(Commands):
         self.sent = stamp.seq
         self.sim_time_ns = max(self.sim_time_ns, stamp.sim_time_ns)
 
-    def end(self) -> None:
-        """The run is over, and no tick comes any more: whoever waits for a state or a command is told."""
-        self.is_over = True
+    def end(self, why: str = "the run is over") -> None:
+        """No tick comes any more: whoever waits for a state or a command is told."""
+        self.is_over, self._why_over = True, why
         for _, future, _ in tuple(self._waiters.values()):
             if not future.done():
                 future.set_exception(self._over("wait_for"))

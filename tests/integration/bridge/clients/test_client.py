@@ -262,6 +262,17 @@ async def test_a_node_that_no_host_serves_has_no_state_and_takes_no_commands(
                 await ua.rtl()
 
 
+async def test_what_still_waits_when_a_program_leaves_is_told(router: Guarded) -> None:
+    with ticking(router.session, has_host=True):
+        async with connect_ua(RUN, "1", access=access_to(router)) as ua:
+            waiting = asyncio.create_task(ua.wait_for(lambda _: False))
+            await asyncio.sleep(0)
+        with pytest.raises(RunOver, match="UA 1: wait_for: the program has left the run"):
+            await asyncio.wait_for(waiting, 10.0)
+        with pytest.raises(RunOver, match="UA 1: rtl: the program has left the run"):
+            await ua.rtl()
+
+
 async def test_a_script_beside_the_agent_is_told_that_it_cannot_transmit(router: Guarded) -> None:
     async with connect_ua(RUN, "1", access=access_to(router)) as ua:
         with pytest.raises(PermissionError, match="only the agent of node 1 may transmit"):
