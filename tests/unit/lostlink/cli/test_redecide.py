@@ -60,7 +60,7 @@ def test_the_page_says_how_python_sees_it(run: Path, capsys: pytest.CaptureFixtu
     )
     shown = capsys.readouterr().out
     assert "received_power_dbm: double" in shown
-    assert "LinkChange(tx='0', rx='1'" in shown
+    assert "LinkChange(radio='main', tx='0', rx='1'" in shown
     assert "Check(name='certain fates'" in shown
 
 
