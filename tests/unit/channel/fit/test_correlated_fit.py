@@ -233,6 +233,7 @@ def test_the_command_says_it(tmp_path):
     assert set(report["goodness"]) == {"independence", "readings", "deliveries", "independent_at_first"}
 
 
+@pytest.mark.slow
 def test_the_benchmark_runs(capsys):
     main(["--correlated", "--repeats", "2", "--packets", "500", "--only", "25 m, exact"])
     out = capsys.readouterr().out

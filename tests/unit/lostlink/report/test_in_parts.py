@@ -61,7 +61,7 @@ def send(number: int) -> list[Sent]:
     "radio",
     [
         "moon2020",
-        "{preset: telemetry-915, medium: {model: csma, channels: {}}}",
+        pytest.param("{preset: telemetry-915, medium: {model: csma, channels: {}}}", marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.parametrize("killed", [False, True])
@@ -77,11 +77,11 @@ def test_in_parts_the_figures_are_those_of_all_rows_at_once(
 @pytest.mark.parametrize(
     ("figure", "most"),
     [
-        (content_of, 200),
-        (lambda r: side_by_side([r]), 100),
+        pytest.param(content_of, 200, marks=pytest.mark.slow),
+        pytest.param(lambda r: side_by_side([r]), 100, marks=pytest.mark.slow),
         (judgements, 40),
-        (played, 100),
-        (decided_anew, 650),
+        pytest.param(played, 100, marks=pytest.mark.slow),
+        pytest.param(decided_anew, 650, marks=pytest.mark.slow),
     ],
 )
 def test_a_record_of_many_is_never_whole_in_memory(

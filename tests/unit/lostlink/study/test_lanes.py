@@ -172,6 +172,7 @@ def test_a_worker_that_does_not_see_the_study_says_so(tmp_path: Path) -> None:
         fly_here("client", str(tmp_path / "gone"))
 
 
+@pytest.mark.slow
 def test_a_scheduler_is_met_from_a_notebook() -> None:
     """Which has an event loop in its thread."""
     pytest.importorskip("distributed")
