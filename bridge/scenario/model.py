@@ -236,13 +236,10 @@ class Scenario(Part):
                         "modems",
                         name,
                     )
-                to, others = (
-                    node.modems[name].to,
-                    [each for each in self.modems_on(name) if each != node.node],
-                )
-                if to is not None and to not in (RESERVED_ID, *others):
-                    known = ", ".join((RESERVED_ID, *others))
-                    text = f"no other node {to} has a modem on {name}; there are: {known}"
+                to = node.modems[name].to
+                known = [RESERVED_ID, *(each for each in self.modems_on(name) if each != node.node)]
+                if to is not None and to not in known:
+                    text = f"no other node {to} has a modem on {name}; there are: {', '.join(known)}"
                     raise refused(text, "nodes", index, "modems", name, "to")
             if node.modems and not node.is_regulated:
                 text = "needs an agent of ours at its node: agent: {type: still} does"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 
@@ -56,8 +57,6 @@ def _below_m(law: Terrain, track: Floats) -> Floats:
     """How far below the ground a UA was, m, less than nothing above it; nan where it has no place, or law no ground."""
     below_m = np.full(len(track), np.nan)
     there = np.isfinite(track[:, 0])
-    try:
+    with suppress(OutsideValidityError):  # it ended the run
         below_m[there] = law.height_m(track[there, 0], track[there, 1]) + track[there, 2]
-    except OutsideValidityError:  # it ended the run
-        return below_m
     return below_m

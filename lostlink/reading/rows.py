@@ -51,16 +51,15 @@ class DeliveryRows:
     networks: tuple[str, ...] = (MAIN,)
 
     @classmethod
-    def read(cls, run: Path, nodes: Sequence[str], names: Sequence[str] | None = None) -> DeliveryRows:
-        """All columns but channel and encoding, or `LINK` and some; no rows if its radio had not begun to write.
+    def read(cls, run: Path, nodes: Sequence[str]) -> DeliveryRows:
+        """All columns but names (`WORDS`); no rows if its radio had not begun to write.
 
         Raises:
             TableError, OSError: its deliveries are damaged, or cannot be read.
         """
         known = [column.name for column in DELIVERIES.columns if column.name not in WORDS]
-        chosen = known if names is None else (*LINK, *names)
         is_there = DELIVERIES.is_in(run)
-        return cls(tuple(nodes), read_deliveries(run, nodes, chosen) if is_there else no_deliveries(chosen))
+        return cls(tuple(nodes), read_deliveries(run, nodes, known) if is_there else no_deliveries(known))
 
     @classmethod
     def joined(cls, parts: Sequence[DeliveryRows]) -> DeliveryRows:

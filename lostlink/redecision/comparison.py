@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -154,9 +154,8 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
     counts = [side.cells(side.link, count) for side in (one, other)]
     delays = [_mean_delays_s(side, count) for side in (one, other)]
     links = np.flatnonzero(counts[0].any(axis=-1))
-    names = zip(*(values.tolist() for values in named_links(links, one).values()), strict=True)
     found = []
-    for link, (radio, tx, rx) in zip(links.tolist(), names, strict=True):
+    for link, (radio, tx, rx) in zip(links.tolist(), _names(links, one), strict=True):
         was, is_now = (each[link] for each in counts)
         found.append(
             LinkChange(
@@ -172,6 +171,11 @@ def _links(one: DeliveryRows, other: DeliveryRows) -> tuple[LinkChange, ...]:
             )
         )
     return tuple(found)
+
+
+def _names(links: NDArray[np.int64], rows: DeliveryRows) -> Iterator[tuple[str, str, str]]:
+    """Of links by their numbers: radio network, sender and receiver."""
+    return zip(*(values.tolist() for values in named_links(links, rows).values()), strict=True)
 
 
 def _mean_delays_s(rows: DeliveryRows, count: int) -> list[float | None]:
@@ -206,10 +210,11 @@ def _bins(
         for radio, rows in predicted.items()
         for row in rows
     }
-    names = zip(*(values.tolist() for values in named_links(bins // span, one).values()), strict=True)
     found = []
     low_m = (bins % span * BIN_WIDTH_M).tolist()
-    for (radio, tx, rx), start_m, sent, before, after in zip(names, low_m, *counts, strict=True):
+    for (radio, tx, rx), start_m, sent, before, after in zip(
+        _names(bins // span, one), low_m, *counts, strict=True
+    ):
         key = radio, tx, rx, start_m
         found.append(BinChange(*key, start_m + BIN_WIDTH_M, sent, before, after, chances.get(key)))
     return tuple(found)

@@ -26,7 +26,7 @@ from lostlink.reading.air.use import (
     quantiles,
     received_of,
 )
-from lostlink.reading.rows import LINK, DeliveryRows
+from lostlink.reading.rows import LINK, DeliveryRows, link_rows
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
 MS, S = 1_000_000, 1_000_000_000
@@ -450,7 +450,7 @@ def test_an_account_of_rows_that_come_some_at_a_time_is_that_of_all(
 
     scenario = scenario_of(radio, NODES)
     run = flown(tmp_path / "run", scenario, 40, send, scale=0.1)
-    given = DeliveryRows.read(run, NODES, NEEDED).each()
+    given = link_rows(run, NODES, NEEDED)
     tally = AirTally(capacity(radio))
     for begin in range(0, len(given), size):
         tally.add(given.at(slice(begin, begin + size)))

@@ -22,7 +22,7 @@ from bridge.record.tables.every import finish_tables
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import RadioOutage
 from channel.presets import preset_names
-from lostlink.reading.rows import LINK, DeliveryRows
+from lostlink.reading.rows import LINK, DeliveryRows, link_rows
 from lostlink.redecision.comparison import compare_decisions
 from lostlink.redecision.output import sentence, tables
 from lostlink.redecision.redecide import Redecision, redecide
@@ -249,8 +249,8 @@ def test_another_radio_beside_a_second_network_is_as_a_run_with_it(mtu_bytes: in
 
 def test_what_only_arrives_later_is_not_the_same(tmp_path: Path) -> None:
     run = flown(tmp_path / "run", scenario_of("moon2020", NODES), 20)
-    names = [column.name for column in DELIVERIES.columns if column.name not in (*SAID, *LINK)]
-    before = DeliveryRows.read(run, [*NODES], names)
+    names = tuple(column.name for column in DELIVERIES.columns if column.name not in (*SAID, *LINK))
+    before = link_rows(run, NODES, names)
     arrived_ns = before.columns["arrived_ns"]
     later = DeliveryRows(
         before.nodes, before.columns | {"arrived_ns": np.where(arrived_ns < 0, arrived_ns, arrived_ns + 1000)}
