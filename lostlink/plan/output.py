@@ -77,12 +77,12 @@ def _radio(plan: RunPlan) -> Iterator[str]:
     if radio.reach.limit_m is None:
         yield "its reach depends on places, or its model refuses short distances: lostlink link shows one link"
         return
-    for share, distance_m in radio.reach.distance_m.items():
-        yield f"{float(share):.0%} of data packages arrive up to {_distance(distance_m, radio.reach.limit_m)}"
+    for share, far in _shares(radio.reach, radio.reach.limit_m):
+        yield f"{share} of data packages arrive up to {far}"
     if set(radio.reach.distance_m.values()) != {FARTHEST_M}:
         yield f"with both ends {radio.reach.height_m:g} m above the ground; lostlink link has other heights"
     for slot_rate, reach in radio.slot_reach.items():
-        yield f"in slots of {slot_rate} bit/s {_shares(reach, radio.reach.limit_m)}"
+        yield f"in slots of {slot_rate} bit/s {_far(reach, radio.reach.limit_m)}"
     if (preamble := radio.reach.preamble) is not None:
         level = f"lock on to no signal below {preamble.level_dbm:.4g} dBm (medium.preamble_dbm)"
         where = "anywhere" if preamble.distance_m is None else f"beyond {preamble.distance_m:g} m"
@@ -98,20 +98,24 @@ def _networks(plan: RunPlan) -> Iterator[str]:
             disturbed = f"; disturbed by {', '.join(network.disturbed_by)}" if network.disturbed_by else ""
             yield f"{network.name}: {what}, nodes {', '.join(network.nodes)}{disturbed}"
         if (reach := network.reach) is not None and reach.limit_m is not None:
-            what = (
-                f"packets of {reach.payload_bytes} bytes with both ends {reach.height_m:g} m above the ground"
-            )
-            yield f"{network.name}, {what}: {_shares(reach, reach.limit_m)}"
+            what = f"packets of {reach.payload_bytes} bytes"
+            if set(reach.distance_m.values()) != {FARTHEST_M}:
+                what += f" with both ends {reach.height_m:g} m above the ground"
+            yield f"{network.name}, {what}: {_far(reach, reach.limit_m)}"
         for node, modem in network.modems.items():
             yield f"{network.name}, modem of node {node}: {modem}"
 
 
-def _shares(reach: Reach, limit_m: float) -> str:
-    """Which share arrives how far."""
-    return ", ".join(
-        f"{float(share):.0%} up to {_distance(distance_m, limit_m)}"
-        for share, distance_m in reach.distance_m.items()
-    )
+def _far(reach: Reach, limit_m: float) -> str:
+    return ", ".join(f"{share} up to {far}" for share, far in _shares(reach, limit_m))
+
+
+def _shares(reach: Reach, limit_m: float) -> Iterator[tuple[str, str]]:
+    """Which share arrives how far; the first that arrives anywhere tells of those below."""
+    for share, distance_m in reach.distance_m.items():
+        yield f"{float(share):.0%}", _distance(distance_m, limit_m)
+        if distance_m == limit_m == FARTHEST_M:
+            return
 
 
 def _distance(distance_m: float | None, limit_m: float) -> str:

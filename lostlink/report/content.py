@@ -41,7 +41,7 @@ Content = dict[str, Any]
 Tell = Callable[[str], object]
 NUMBER: Final = (int, float)
 KINDS: Final[dict[str, Any]] = {
-    **dict.fromkeys(("unfinished", "bins", "checks", "unjudged", "expectations"), list),
+    **dict.fromkeys(("unfinished", "bins", "checks", "unjudged", "expectations", "warnings"), list),
     **dict.fromkeys(("sim_duration_s", "wall_duration_s", "real_time_factor"), NUMBER),
     "refused": dict,
 }
@@ -213,4 +213,4 @@ def _not_zero(counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _judgements(run: Run) -> Content:
-    return {name: run.summary.get(name) or [] for name in ("checks", "unjudged", "expectations")}
+    return {name: run.summary.get(name) or [] for name in ("checks", "unjudged", "expectations", "warnings")}

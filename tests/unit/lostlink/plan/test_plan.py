@@ -526,6 +526,15 @@ def test_groups_of_addressees_are_listed_with_their_members() -> None:
     assert not any("Groups" in line for line in checked("separation").output.splitlines())
 
 
+def test_a_radio_that_gets_anywhere_is_told_of_once() -> None:
+    told = checked("separation", "--radio", "perfect", "--set", "networks.far=perfect").output
+    assert [line.strip() for line in told.splitlines() if "any distance" in line] == [
+        "90% of data packages arrive up to any distance",
+        "far, packets of 40 bytes: 90% up to any distance",
+    ]
+    assert "above the ground" not in told
+
+
 MODEMS = Path(__file__).parents[3] / "data" / "modems.yaml"
 
 

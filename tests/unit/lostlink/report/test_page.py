@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from bridge.record.events import Report
+from bridge.record.events import PROCESS_LEFT, Report
 from bridge.record.tables.deliveries import no_deliveries
 from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from channel.link.radio import Radio
@@ -278,6 +278,19 @@ def test_each_network_has_its_own_account_of_the_air(tmp_path: Path) -> None:
     assert "; medium ideal; mesh: medium airtime, offered 2." in summary["verdict"]
 
 
+def test_what_a_run_warns_of_is_on_its_page(tmp_path: Path) -> None:
+    path = flown(tmp_path / "made", scenario_of("moon2020", ("0", "1")), 5)
+    report = Report(path, "physics")
+    report.event(5, "1", PROCESS_LEFT, "a <process> of its autopilot was left")
+    report.close()
+    run = RunDirectory(path)
+    write_summary(summarise(run.scenario, run, Timing(0.2, 1.0), "duration"), run)
+    content = content_of(load_run(path))
+    assert content["warnings"] == ["a <process> of its autopilot was left"]
+    told = page_of(content, {}).partition('id="judged"')[2].partition("</section>")[0]
+    assert "<h3>Warnings</h3>\n<ul><li>a &lt;process&gt; of its autopilot was left</li></ul>" in told
+
+
 def test_intervals_are_told_of_where_there_are_some(content: dict[str, Any]) -> None:
     told = told_of_delivery(content)
     assert "in steps of 20 m, with 99 % binomial (Clopper-Pearson) intervals, over the model" in told
@@ -367,6 +380,7 @@ def test_places_that_are_no_numbers_are_dashes(content: dict[str, Any], pictures
         ("checks", [{"name": "draws", "size": 1, "found": []}]),
         ("unjudged", "x"),
         ("expectations", [{}]),
+        ("warnings", "x"),
     ],
 )
 def test_a_summary_that_is_none_is_told_with_its_key(tmp_path: Path, key: str, value: object) -> None:
