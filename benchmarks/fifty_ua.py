@@ -41,9 +41,20 @@ def messages_of(tick: int) -> list[Message]:
     )
     sent = (TX, RX, count, count * TICK_NS, np.full(len(TX), 40, dtype=np.uint32))
     figures = (distance_m, power, snr, per)
-    fates = Fates(header, IDS, ("delivered", "channel_erasure"), *sent, *figures, fate.tobytes())
+    fates = Fates(
+        header,
+        IDS,
+        ("delivered", "channel_erasure"),
+        *sent,
+        *figures,
+        fate.tobytes(),
+        network=("main",),
+        radio=np.zeros_like(TX),
+    )
     found: list[Message] = [Clock(header, 1.0, 1.0), Truths(header, truths), fates]
     if tick % 2 == 0:
         counts = (count.astype(np.uint64), (count * (1.0 - per)).astype(np.uint64))
-        found.append(Links(header, IDS, TX, RX, *figures, *counts))
+        found.append(
+            Links(header, IDS, TX, RX, *figures, *counts, network=("main",), radio=np.zeros_like(TX))
+        )
     return found

@@ -6,11 +6,12 @@ places of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bridge.bus.keys import ALL, MAIN
 from bridge.bus.messages import Truth
@@ -113,6 +114,16 @@ class NetworkAir:
         self._in_flight: dict[tuple[int, int], TxPacket] = {}
         """By place of the sender in the medium, and number."""
         self._queues: dict[int, tuple[int, int]] = {}
+
+    @property
+    def settled(self) -> NDArray[np.int64]:
+        """Packets by what became of them, shape (nodes, nodes, causes), over all nodes of the run, senders first."""
+        if self._places.are_same:
+            return self.ledger.settled
+        nodes, of_all = len(self.nodes), self._places.of_all
+        found = np.zeros((nodes, nodes, len(self.ledger.causes)), dtype=np.int64)
+        found[np.ix_(of_all, of_all)] = self.ledger.settled
+        return found
 
     @property
     def mtu_bytes(self) -> Sequence[int]:
@@ -297,18 +308,3 @@ def joined(parts: Sequence[Settled]) -> Settled:
         [queue for part in parts for queue in part.queues],
         [route for part in parts for route in part.routes],
     )
-
-
-def books_of(ledgers: Sequence[tuple[Ledger, Mapping[str, int]]], nodes: Sequence[str]) -> Ledger:
-    """The counts of several networks together, without distance bins.
-
-    Args:
-        ledgers: with the place of each of their nodes among all.
-        nodes: ids of all nodes.
-    """
-    books = Ledger(nodes, causes=tuple(Cause))
-    for ledger, index in ledgers:
-        places = np.ix_([*index.values()], [*index.values()])
-        books.sent[places] += ledger.sent
-        books.settled[places] += ledger.settled
-    return books

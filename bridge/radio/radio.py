@@ -103,7 +103,7 @@ class RecordedRadio:
         self.repeated = frozenset(free if replay else ())
         self._record = RepeatedPackets(Path(replay), nodes, free) if self.repeated else None
         self.core = VirtualRadio(airs, ring, self._modems, free - self.repeated)
-        self.picture = Picture(nodes)
+        self.picture = Picture(nodes, scenario.network_names)
         self._silent = free - self.repeated
         """Free nodes as which no program has transmitted yet."""
         self._several: set[str] = set()
@@ -240,7 +240,8 @@ class RecordedRadio:
 
     def links(self, sim_time_ns: int) -> Links:
         """All links that carried a packet, as they are after a tick."""
-        return self.picture.links(sim_time_ns, self.core.ledger, self.core.radios_off(sim_time_ns))
+        settled = [air.settled for air in self.core.airs]
+        return self.picture.links(sim_time_ns, settled, self.core.radios_off(sim_time_ns))
 
     # The record.
 

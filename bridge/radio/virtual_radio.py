@@ -21,13 +21,12 @@ from bridge.bus.handling import PLAIN, Handling
 from bridge.bus.keys import Address
 from bridge.bus.messages import Truth
 from bridge.bus.session import Stamp
-from bridge.radio.network_air import NetworkAir, Settled, books_of, joined
+from bridge.radio.network_air import NetworkAir, Settled, joined
 from bridge.radio.ring import Closed, Ring
 from bridge.radio.senders import Refused, Senders, TxPacket
 from bridge.radio.serial_output import SerialOutput
 from bridge.record.tables.deliveries import Gap, Vocabulary
 from channel.checks import ChannelInputError
-from channel.medium.ledger import Ledger
 
 if TYPE_CHECKING:
     from bridge.radio.modems import ModemsOfRun
@@ -73,13 +72,6 @@ class VirtualRadio:
         self.refused = self._senders.refused
         self._latest_ns = 0
         self._gaps: list[Gap] = []
-
-    @property
-    def ledger(self) -> Ledger:
-        """The books of all networks; of several together without distance bins, which each has of its own."""
-        if len(self.airs) == 1:
-            return self.airs[0].ledger
-        return books_of([(air.ledger, air.index) for air in self.airs], self.nodes)
 
     # What comes in.
 

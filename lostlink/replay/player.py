@@ -43,7 +43,7 @@ class Player:
         return cls(TickedRecord(run))
 
     def _begin(self) -> None:
-        self._links = KnownLinks(self.record.nodes, self.record.radios)
+        self._links = KnownLinks(self.record.nodes, self.record.networks, self.record.radios)
 
     # Which ticks there are.
 

@@ -104,8 +104,7 @@ async def view_live(run: RunDirectory, settings: ViewSettings, stop: asyncio.Eve
     broadcast = Broadcast(PictureFrames(view), viewers.changed)
     frames, onboards = _frames(run.scenario), Onboards(run.path, lambda: view.sim_time_ns, view.tell)
     routes = _routes(run, view)
-    model = Model(run.scenario).curve
-    shown = Shown(run.info.run, view, model, operator, operator, frames, onboards, routes.of)
+    shown = Shown(run.info.run, view, _curves(run.scenario), operator, operator, frames, onboards, routes.of)
     try:
         await source.open()
         if operator is not None:
@@ -139,8 +138,8 @@ async def view_record(run: RunDirectory, settings: ViewSettings, stop: asyncio.E
         _frames(player.record.scenario),
         Onboards(run.path, lambda: view.sim_time_ns, view.tell),
     )
-    model, routes = Model(player.record.scenario).curve, _routes(run, view)
-    shown = Shown(run.path.name, view, model, source, frames=frames, onboards=onboards, way=routes.of)
+    routes, curves = _routes(run, view), _curves(player.record.scenario)
+    shown = Shown(run.path.name, view, curves, source, frames=frames, onboards=onboards, way=routes.of)
     async with ViewServer(shown, broadcast, settings.server) as server:
         server.background.start(source.run(), "the record")
         server.background.start(onboards.run(), "what autopilots have on board")
@@ -199,15 +198,22 @@ def address_of(config: ApiConfig, port: int) -> str:
     return f"http://{host}:{port}/" + (f"?token={quote(config.token, safe='')}" if config.token else "")
 
 
+def _curves(scenario: Scenario) -> Callable[[str, float, Mapping[int, int]], ModelCurve]:
+    """Makes curves of models by the name of the network."""
+    models = {name: Model(scenario, name) for name in scenario.network_names}
+    return lambda network, farthest_m, packets: models[network].curve(farthest_m, packets)
+
+
 class Model:
-    """The model's probability of delivery by distance, if all nodes have one radio and a distance is enough.
+    """The model's probability of delivery by distance on a network, if its nodes have one radio and that is enough.
 
     Args:
         scenario: of the run.
+        network: one of its radio networks.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, network: str) -> None:
+        self._scenario, self._network = scenario, network
         self._farthest_m = 0.0
         self._payload_bytes: int | None = None
         self._curve = ModelCurve(np.empty(0), np.empty(0))
@@ -215,10 +221,10 @@ class Model:
     @cached_property
     def _radio(self) -> Radio | None:
         # scipy takes its time, and few look at this chart
-        from bridge.scenario.resolve.radio import common_radio
+        from bridge.scenario.resolve.radio import common_radio_on
         from bridge.scenario.resolve.sensing import emitters_of
 
-        return common_radio(self._scenario, emitters_of(self._scenario))
+        return common_radio_on(self._scenario, self._network, emitters_of(self._scenario))
 
     def curve(self, farthest_m: float, packets: Mapping[int, int]) -> ModelCurve:
         """The curve up to a distance at least, for the median length of packets that are counted by length."""
@@ -236,7 +242,7 @@ class Model:
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
         radio = self._radio
-        shared = draws_are_shared(self._scenario)
+        shared = draws_are_shared(self._scenario) if radio is None else radio.shares_draws
         if radio is not None and radio.is_by_distance:
             with suppress(OutsideValidityError, OwnModelError):
                 probability = radio.probability_of_delivery(distance_m, self._payload_bytes)

@@ -204,7 +204,7 @@ class Truths(Message):
 
 @dataclass(frozen=True, slots=True)
 class Links(Message):
-    """All directed radio links that carried a packet, as columns: the latest packet of each, and its counts so far."""
+    """All directed links that carried a packet, per radio network: the newest packet of each, and its counts so far."""
 
     TYPE = f"{PACKAGE}/msg/Links"
     header: Header = field(default_factory=Header)
@@ -218,6 +218,8 @@ class Links(Message):
     sent: Column[int] = ()
     delivered: Column[int] = ()
     radio_off: Column[int] = ()
+    network: tuple[str, ...] = ()
+    radio: Column[int] = ()
 
 
 @dataclass(frozen=True, slots=True)

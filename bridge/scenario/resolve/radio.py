@@ -36,7 +36,18 @@ def common_radio(scenario: Scenario, emitters: Sequence[Emitter] = ()) -> Radio 
     Raises:
         PresetError: as `radio_of`.
     """
-    has_several = scenario.networks or any(node.radio is not None for node in scenario.transceivers)
+    return None if scenario.networks else common_radio_on(scenario, MAIN, emitters)
+
+
+def common_radio_on(scenario: Scenario, network: str, emitters: Sequence[Emitter] = ()) -> Radio | None:
+    """The radio of all nodes on a network, which hears ``emitters``; None if some have one of their own.
+
+    Raises:
+        PresetError: as `radio_of`.
+    """
+    if network != MAIN:
+        return radio_from(scenario.networks[network], scenario.origin, emitters)
+    has_several = any(node.radio is not None for node in scenario.transceivers)
     return None if has_several else radio_from(scenario.radio, scenario.origin, emitters)
 
 

@@ -39,8 +39,8 @@ class RadioSource:
 
     def __init__(self, run: Path, file: McapFile, scenario: Scenario) -> None:
         self._nodes, self._tick_ns = scenario.transceiver_ids, scenario.tick_period_ns
-        self._links = KnownLinks(self._nodes, switches_of(scenario, run))
         self._networks = scenario.network_names
+        self._links = KnownLinks(self._nodes, self._networks, switches_of(scenario, run))
         labels = labels_of(self._nodes) | {"radio": self._networks}
         self._slices = Slices(run, DELIVERIES, labels, by="received_ns")
         self._held_ns: int | None = None  # the newest tick, if its links were not due

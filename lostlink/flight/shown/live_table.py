@@ -17,7 +17,7 @@ class LinkNow:
     """One directed link, or several together.
 
     Attributes:
-        name: of both ends.
+        name: of both ends; with the radio network's, if there are several.
         distance_m: of the latest packet.
         received_power_dbm: likewise; nan if it was hopeless.
         sent: so far.
@@ -44,11 +44,10 @@ class LinkNow:
 
 def links_now(newest: Links, before: Links) -> list[LinkNow]:
     """All links, from the newest report and an earlier one."""
-    was = {
-        (tx, rx): (sent, delivered)
-        for tx, rx, sent, delivered in zip(before.tx, before.rx, before.sent, before.delivered, strict=True)
-    }
+    counts = zip(before.sent, before.delivered, strict=True)
+    was = dict(zip(zip(before.radio, before.tx, before.rx, strict=True), counts, strict=True))
     rows = zip(
+        newest.radio,
         newest.tx,
         newest.rx,
         newest.distance_m,
@@ -58,9 +57,10 @@ def links_now(newest: Links, before: Links) -> list[LinkNow]:
         strict=True,
     )
     found = []
-    for tx, rx, distance_m, power_dbm, sent, delivered in rows:
-        sent_then, delivered_then = was.get((tx, rx), (0, 0))
-        name = f"{newest.node[tx]} -> {newest.node[rx]}"
+    for radio, tx, rx, distance_m, power_dbm, sent, delivered in rows:
+        sent_then, delivered_then = was.get((radio, tx, rx), (0, 0))
+        on = f"{newest.network[radio]}: " if len(newest.network) > 1 else ""
+        name = f"{on}{newest.node[tx]} -> {newest.node[rx]}"
         lately = int(sent - sent_then), int(delivered - delivered_then)
         is_off = tx in newest.radio_off or rx in newest.radio_off
         found.append(LinkNow(name, distance_m, power_dbm, int(sent), int(delivered), *lately, is_off))

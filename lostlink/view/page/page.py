@@ -86,22 +86,22 @@ class Shown:
     Attributes:
         name: of the run.
         view: the picture, which somebody else feeds.
-        model: makes the model's curve up to a distance, for packets that are counted by length.
+        model: makes the model's curve on a radio network up to a distance, for packets that are counted by length.
         time_control: None if time cannot be changed.
         operator: who commands; None: nobody may.
         frames: of the fleet; None: where it is on the earth is not known.
         onboards: what autopilots have on board; None: it is not known.
-        way: who transmitted the latest packet on a link, from its sender on; empty if nobody handed it on.
+        way: who transmitted the latest packet on a network's link, from its sender on; empty if nobody handed it on.
     """
 
     name: str
     view: FleetView
-    model: Callable[[float, Mapping[int, int]], ModelCurve]
+    model: Callable[[str, float, Mapping[int, int]], ModelCurve]
     time_control: TimeControl | None = None
     operator: Operator | None = None
     frames: Frames | None = None
     onboards: Onboards | None = None
-    way: Callable[[int, int], Sequence[int]] = lambda _tx, _rx: ()
+    way: Callable[[str, int, int], Sequence[int]] = lambda _network, _tx, _rx: ()
 
 
 class Page:
@@ -111,7 +111,7 @@ class Page:
         self._shown, self._view = shown, shown.view
         self._node = -1
         many = len(self._view.nodes) > 1
-        self._link = (0, 1 if many else 0)
+        self._network, self._link = self._view.networks[0], (0, 1 if many else 0)
         self._is_dark, self._theme = False, "auto"
         self._told = self._forgotten = 0
         ui.add_css(CSS)
@@ -144,6 +144,12 @@ class Page:
             self._time = ui.label().classes("ll-time")
             self._status = ui.label().props('role="status"')
             ui.space()
+            if len(self._view.networks) > 1:
+                ui.select(
+                    list(self._view.networks),
+                    value=self._network,
+                    on_change=lambda e: self._choose_network(e.value),
+                ).props('dense dark borderless options-dense prefix="network" aria-label="Radio network"')
             ui.select(THEMES, value="auto", on_change=lambda e: self._choose_theme(e.value)).props(
                 'dense dark borderless options-dense aria-label="Colours"'
             )
@@ -282,6 +288,10 @@ class Page:
             self._choose_link(number, self._link[0])
         self.refresh()
 
+    def _choose_network(self, network: str) -> None:
+        self._network = network
+        self.refresh()
+
     def _choose_link(self, tx: int, rx: int) -> None:
         self._link = (tx, rx)
         self.refresh()
@@ -297,7 +307,7 @@ class Page:
 
     def refresh(self, *, charts: bool = True) -> None:
         """Show what is known now: only what is in sight costs anything."""
-        view, time_control = self._view, self._shown.time_control
+        view, network, time_control = self._view, self._network, self._shown.time_control
         is_record = time_control is not None and time_control.can_seek
         self._time.set_text(time_words(view, is_record=is_record))
         self._status.set_text(status_words(view, is_record=is_record))
@@ -307,17 +317,19 @@ class Page:
             self._onboard.refresh(self._scene)
         match self._tabs.value:
             case "Fleet":
-                set_rows(self._fleet, fleet_rows(view, self._node))
+                set_rows(self._fleet, fleet_rows(view, network, self._node))
                 self._chosen.set_text(node_words(view, self._node))
                 if self._controls is not None:
                     self._controls.refresh()
                 if self._emitters is not None:
                     set_rows(self._emitters, emitter_rows(view))
             case "Link":
-                self._words.set_text(link_words(view, *self._link, self._shown.way(*self._link)))
+                self._words.set_text(
+                    link_words(view, network, *self._link, self._shown.way(network, *self._link))
+                )
             case "Losses":
-                set_rows(self._causes, loss_rows(view))
-                self._losses_words.set_text(losses_words(view))
+                set_rows(self._causes, loss_rows(view.losses[network]))
+                self._losses_words.set_text(losses_words(view.losses[network]))
             case "Air":
                 set_rows(self._networks, air_rows(view))
                 self._air_words.set_text(air_words(view))
@@ -330,22 +342,22 @@ class Page:
             self._refresh_charts()
 
     def _refresh_charts(self) -> None:
-        view = self._view
+        view, links, losses = self._view, self._view.links[self._network], self._view.losses[self._network]
         match self._tabs.value:
             case "Link":
-                set_options(self._link_chart, link_chart(view.links.series(*self._link), self._look))
+                set_options(self._link_chart, link_chart(links.series(*self._link), self._look))
             case "Delivery":
-                bins = view.links.by_distance()
+                bins = links.by_distance()
                 farthest_m = float(bins.distance_m.max()) + 40.0 if bins.distance_m.size else 100.0
-                model = self._shown.model(farthest_m, view.losses.lengths)
+                model = self._shown.model(self._network, farthest_m, losses.lengths)
                 set_options(self._delivery, delivery_chart(bins, model, self._look))
             case "Losses":
-                set_options(self._losses, losses_chart(*view.losses.over_time(), self._look))
+                set_options(self._losses, losses_chart(*losses.over_time(), self._look))
             case "Air":
                 networks = {name: view.air.series(name) for name in view.air.networks}
                 set_options(self._air, air_chart(networks, self._look))
             case "Matrix":
-                sent, delivered = view.links.latest("sent"), view.links.latest("delivered")
+                sent, delivered = links.latest("sent"), links.latest("delivered")
                 share = delivered / np.where(sent > 0, sent, np.nan)
                 set_options(self._matrix, matrix_chart([node.id for node in view.nodes], share, self._look))
 

@@ -10,6 +10,7 @@ import numpy as np
 from bridge.bus.messages import AircraftState
 from lostlink.flight.shown.say import factor_text
 from lostlink.view.picture.fleet_view import FleetView, NodeInfo
+from lostlink.view.picture.losses import Losses
 
 Rows = list[dict[str, Any]]
 
@@ -67,9 +68,10 @@ AIR_COLUMNS = columns(
 )
 
 
-def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
-    """A row per node: where it is, and who hears whom."""
-    hears, heard = view.losses.heard.sum(axis=1), view.losses.heard.sum(axis=0)
+def fleet_rows(view: FleetView, network: str, chosen: int = -1) -> Rows:
+    """A row per node: where it is, and who hears whom on a radio network."""
+    losses = view.losses[network]
+    hears, heard = losses.heard.sum(axis=1), losses.heard.sum(axis=0)
     rows: Rows = []
     for number, node in enumerate(view.nodes):
         north, east, down = view.position_ned_m[number].tolist()
@@ -84,9 +86,9 @@ def fleet_rows(view: FleetView, chosen: int = -1) -> Rows:
                 "east": _number(east),
                 "height": _number(-down),
                 "speed": _number(float(np.linalg.norm(view.velocity_ned_mps[number]))),
-                "hears": f"{int(hears[number])}/{int(view.losses.known[number].sum())}",
-                "heard": f"{int(heard[number])}/{int(view.losses.known[:, number].sum())}",
-                "delay": _delay(float(view.losses.delay_s[number].max(initial=0.0))) or "-",
+                "hears": f"{int(hears[number])}/{int(losses.known[number].sum())}",
+                "heard": f"{int(heard[number])}/{int(losses.known[:, number].sum())}",
+                "delay": _delay(float(losses.delay_s[number].max(initial=0.0))) or "-",
             }
         )
     return rows
@@ -188,18 +190,18 @@ def logged_rows(view: FleetView, node: str) -> Rows:
     ]
 
 
-def loss_rows(view: FleetView) -> Rows:
+def loss_rows(losses: Losses) -> Rows:
     """A row per fate."""
-    total = max(1, view.losses.total.total())
+    total = max(1, losses.total.total())
     return [
         {"cause": cause.replace("_", " "), "packets": count, "share": f"{100 * count / total:.1f} %"}
-        for cause, count in view.losses.total.most_common()
+        for cause, count in losses.total.most_common()
     ]
 
 
-def losses_words(view: FleetView) -> str:
+def losses_words(losses: Losses) -> str:
     """From when on fates are counted, where that is not the run's first second."""
-    since_s = view.losses.since_s
+    since_s = losses.since_s
     if since_s is None:
         return "no packet yet since this page is open"
     return "" if since_s < FIRST_S else f"since {since_s:.1f} s of sim time, when a page was opened"
@@ -238,23 +240,24 @@ def air_rows(view: FleetView) -> Rows:
     return rows
 
 
-def link_words(view: FleetView, tx: int, rx: int, way: Sequence[int] = ()) -> str:
-    """One link in a sentence; ``way``: who transmitted its latest packet, from the sender on."""
+def link_words(view: FleetView, network: str, tx: int, rx: int, way: Sequence[int] = ()) -> str:
+    """One link of a network in a sentence; ``way``: who transmitted its latest packet, from the sender on."""
+    links = view.links[network]
     distance_m, power_dbm, snr_db, sent, delivered = (
-        float(view.links.latest(name)[tx, rx])
+        float(links.latest(name)[tx, rx])
         for name in ("distance_m", "received_power_dbm", "snr_db", "sent", "delivered")
     )
     names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
     if not np.isfinite(sent):
         return f"{names}: no packet yet"
-    late = _delay(float(view.losses.delay_s[rx, tx]))
+    late = _delay(float(view.losses[network].delay_s[rx, tx]))
     silent = [view.nodes[end].title for end in (tx, rx) if end in view.radios_off]
     if silent:
         off = f"radio of {' and of '.join(silent)} off"
         return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
     figures = (
         f"{distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
-        f"{view.links.probability[tx, rx]:.2f}"
+        f"{links.probability[tx, rx]:.2f}"
         if np.isfinite(distance_m)
         else "its latest packet never was on the air"
     )

@@ -5,7 +5,7 @@ It is an observer's picture: what was published before somebody looked is not in
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -19,13 +19,16 @@ from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
 from channel.routing.settings import NoRouting
 from lostlink.view.picture.air_history import AirHistory
-from lostlink.view.picture.link_history import LinkHistory
+from lostlink.view.picture.link_history import VALUES_MAX, LinkHistory
 from lostlink.view.picture.logged import Logged
 from lostlink.view.picture.losses import Losses
+from lostlink.view.picture.networks import by_network
 
 TRAIL_PERIOD_NS = 500_000_000
 """Between two points of a trail, sim time."""
 TRAIL_POINTS = 240
+MARKS_MAX = 400
+"""Links with losses that are shown as they happen, per frame."""
 NEWS_KEPT = 200
 """Lines of what agents and operators said."""
 Floats = NDArray[np.float64]
@@ -82,7 +85,8 @@ class FleetView:
         duration_s: sim time at which the run ends at the latest.
         emitters: of the scenario.
         now_s: wall time, by which sim time may stand still.
-        routed: radio networks whose nodes hand packets on.
+        networks: names of the radio networks.
+        routed: those whose nodes hand packets on.
     """
 
     def __init__(
@@ -91,6 +95,7 @@ class FleetView:
         duration_s: float,
         emitters: Sequence[EmitterInfo] = (),
         now_s: Callable[[], float] = lambda: 0.0,
+        networks: Sequence[str] = (MAIN,),
         routed: Set[str] = frozenset(),
     ) -> None:
         self.nodes = tuple(nodes)
@@ -99,7 +104,7 @@ class FleetView:
         self.index = {node.id: number for number, node in enumerate(self.nodes)}
         self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
         self._now_s = now_s
-        self._routed = routed
+        self.networks, self._routed = tuple(networks), routed
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
@@ -108,7 +113,9 @@ class FleetView:
         self.clock = Clock()
         self._clock_s = self._now_s()
         self.is_over = False
-        self.links = LinkHistory(len(self.nodes))
+        values_max = VALUES_MAX // len(self.networks)
+        self.links = {name: LinkHistory(len(self.nodes), values_max) for name in self.networks}
+        """By radio network."""
         self.logged = Logged(tuple(self.index))
         self.news = {node.id: NodeNews() for node in self.nodes}
         self.lines: deque[NewsLine] = deque(maxlen=NEWS_KEPT)
@@ -174,10 +181,26 @@ class FleetView:
 
     def look_anew(self) -> None:
         """Forget what is followed only while somebody looks: what came between was not seen."""
-        self.losses = Losses(len(self.nodes))
+        self.losses = {name: Losses(len(self.nodes)) for name in self.networks}
+        """By radio network."""
         self.air = AirHistory(len(self.nodes), self._routed)
         self.trail.clear()
         self._trail_ns = -TRAIL_PERIOD_NS
+
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return tx and rx of all links that have carried a packet on any network."""
+        tx, rx = np.nonzero(np.any([links.carried for links in self.links.values()], axis=0))
+        return tx, rx
+
+    def probability(self) -> Floats:
+        """[tx, rx]: recent mean of 1 - PER of each link, on the network where it is greatest; NaN if there is none."""
+        best: Floats = np.fmax.reduce([links.probability for links in self.links.values()])
+        return best
+
+    def fresh_losses(self) -> list[tuple[int, int, int]]:
+        """Return (tx, rx, packets) of what was lost since the last call, those with most losses first."""
+        fresh = sum((losses.fresh() for losses in self.losses.values()), Counter[tuple[int, int]]())
+        return [(tx, rx, count) for (tx, rx), count in fresh.most_common(MARKS_MAX)]
 
     def _take_clock(self, clock: Clock) -> None:
         if clock.header.stamp.ns < self.sim_time_ns:  # the pace changed a tick ago
@@ -185,12 +208,14 @@ class FleetView:
         self.clock, self._clock_s = clock, self._now_s()
 
     def _take_fates(self, fates: Fates) -> None:
-        self.losses.take(fates)
+        for name, each in by_network(fates):
+            self.losses[name].take(each)
         self.air.take(fates)
 
     def _take_links(self, links: Links) -> None:
         if len(links.node) == len(self.nodes):
-            self.links.take(links)
+            for name, each in by_network(links):
+                self.links[name].take(each)
             before, self.radios_off = self.radios_off, frozenset(map(int, links.radio_off))
             for number in sorted(before ^ self.radios_off):
                 self.tell(self.nodes[number].id, f"radio {'off' if number in self.radios_off else 'on'}")
@@ -247,6 +272,7 @@ def view_of(scenario: Scenario, now_s: Callable[[], float] = lambda: 0.0) -> Fle
         scenario.duration_s,
         emitters,
         now_s,
+        scenario.network_names,
         frozenset(_routed(scenario)),
     )
 

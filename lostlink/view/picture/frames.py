@@ -2,7 +2,7 @@
 
 A snapshot has everything; a frame has what changes: positions (dm, NED), headings (1/1000 rad), winds (cm/s, NED), the
 new points of the trail, losses, which nodes' radios are off, and with each new report the probability of delivery of
-each link (percent; -1: none). Emitters, estimates and plans: `marks`.
+each link, on the network where it is greatest (percent; -1: none). Emitters, estimates and plans: `marks`.
 """
 
 from __future__ import annotations
@@ -77,13 +77,14 @@ class PictureFrames:
         }
         if new:
             content["trail"] = [whole(points, 10.0) for points in list(view.trail)[-new:]]
-        if view.links.reports != self._reports:
-            self._reports = view.links.reports
+        reports = max(links.reports for links in view.links.values())
+        if reports != self._reports:
+            self._reports = reports
             content["quality"] = self._quality()
             if len(content["quality"]) != self._links:
                 self._links = len(content["quality"])
                 content["links"] = self._pairs()
-        lost = view.losses.fresh()
+        lost = view.fresh_losses()
         if lost:
             content["lost"] = [number for mark in lost for number in mark]
         return json.dumps(content, separators=(",", ":"))
@@ -99,10 +100,10 @@ class PictureFrames:
         }
 
     def _pairs(self) -> list[int]:
-        tx, rx = self._view.links.pairs()
+        tx, rx = self._view.pairs()
         numbers: list[int] = np.stack((tx, rx), axis=1).ravel().tolist()
         return numbers
 
     def _quality(self) -> list[int]:
-        tx, rx = self._view.links.pairs()
-        return whole(self._view.links.probability[tx, rx], 100.0, unknown=-1)
+        tx, rx = self._view.pairs()
+        return whole(self._view.probability()[tx, rx], 100.0, unknown=-1)

@@ -14,7 +14,7 @@ BIN_WIDTH_M = 20.0
 BINS_MAX = 4096
 REPORTS_MAX = 1200
 VALUES_MAX = 10_000_000
-"""Numbers that are kept of all reports together."""
+"""Numbers that are kept of all reports of all networks together."""
 REPORTS_MIN = 4
 """Whatever they take: 96 MB of 1000 nodes, where VALUES_MAX is 40 MB."""
 WINDOW = 10
@@ -57,16 +57,21 @@ class DistanceBins:
 
 
 class LinkHistory:
-    """All directed links of ``nodes`` nodes; a link is (tx, rx), by index."""
+    """All directed links of one radio network; a link is (tx, rx), by index.
 
-    def __init__(self, nodes: int) -> None:
+    Args:
+        nodes: how many there are.
+        values_max: numbers that are kept of all reports together.
+    """
+
+    def __init__(self, nodes: int, values_max: int = VALUES_MAX) -> None:
         shape = (len(FIGURES), nodes, nodes)
         self._latest = np.full(shape, np.nan, dtype=np.float32)
         self.probability = np.full((nodes, nodes), np.nan)
         """[tx, rx]: recent mean of 1 - PER of each link, of packets that have one; NaN if off, or without packets."""
         self._times_s: list[float] = []
         self._reports: list[NDArray[np.float32]] = []
-        self._limit = max(REPORTS_MIN, min(REPORTS_MAX, VALUES_MAX // max(1, self._latest.size)))
+        self._limit = max(REPORTS_MIN, min(REPORTS_MAX, values_max // max(1, self._latest.size)))
         self._every, self._skipped = 1, 0
         self._distance_m = np.full((nodes, nodes), np.nan, dtype=np.float32)
         """[tx, rx]: of the latest packet that had one."""
@@ -124,10 +129,11 @@ class LinkHistory:
             self._times_s, self._reports = self._times_s[1::2], self._reports[1::2]
             self._every *= 2
 
-    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return tx and rx of all links that have carried a packet."""
-        tx, rx = np.nonzero(np.isfinite(self._latest[4]))
-        return tx, rx
+    @property
+    def carried(self) -> NDArray[np.bool_]:
+        """[tx, rx]: whether the link has carried a packet."""
+        carried: NDArray[np.bool_] = np.isfinite(self._latest[4])
+        return carried
 
     def latest(self, name: str) -> NDArray[np.float32]:
         """Return the newest of a figure (one of FIGURES) as a matrix [tx, rx]; NaN where there is none."""

@@ -8,19 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Fates
-from bridge.scenario.nodes import MAIN
 
 SPAN_NS = 1_000_000_000
 """Of one count over time, at first; it doubles when there are too many."""
 SPANS_MAX = 600
-MARKS_MAX = 400
-"""Losses that are shown as they happen, per frame."""
 DELIVERED = 0
 """Place of `delivered` among the causes of `Fates`."""
 
 
 class Losses:
-    """Counts of all fates that were seen, for ``nodes`` nodes."""
+    """Counts of all fates that were seen on one radio network, for ``nodes`` nodes."""
 
     def __init__(self, nodes: int) -> None:
         self.known = np.zeros((nodes, nodes), dtype=np.bool_)
@@ -32,7 +29,7 @@ class Losses:
         self.total: Counter[str] = Counter()
         """Packets by fate, since somebody looks."""
         self.lengths: Counter[int] = Counter()
-        """Those on `main` by length, bytes."""
+        """The same by length, bytes."""
         self.since_s: float | None = None
         self._nodes = nodes
         self._span_ns = SPAN_NS
@@ -59,16 +56,10 @@ class Losses:
         self._spans.setdefault(now_ns // self._span_ns, Counter()).update(found)
         if len(self._spans) > SPANS_MAX:
             self._widen()
-        self._count_lengths(fates)
+        lengths, counted = np.unique(np.asarray(fates.length_bytes), return_counts=True)
+        self.lengths.update(dict(zip(lengths.tolist(), counted.tolist(), strict=True)))
         lost = np.flatnonzero(fate != DELIVERED)
         self._fresh.update(zip(tx[lost].tolist(), rx[lost].tolist(), strict=True))
-
-    def _count_lengths(self, fates: Fates) -> None:
-        length_bytes = np.asarray(fates.length_bytes)
-        if MAIN in fates.network and len(fates.radio) == len(length_bytes):  # old records do not say
-            length_bytes = length_bytes[np.asarray(fates.radio) == fates.network.index(MAIN)]
-        lengths, counts = np.unique(length_bytes, return_counts=True)
-        self.lengths.update(dict(zip(lengths.tolist(), counts.tolist(), strict=True)))
 
     def _widen(self) -> None:
         self._span_ns *= 2
@@ -90,7 +81,7 @@ class Losses:
         }
         return np.array(numbers, dtype=np.float64) * self._span_ns / 1e9, shares
 
-    def fresh(self) -> list[tuple[int, int, int]]:
-        """Return (tx, rx, packets) of what was lost since the last call, those with most losses first."""
+    def fresh(self) -> Counter[tuple[int, int]]:
+        """Return how many packets of each (tx, rx) were lost since the last call."""
         fresh, self._fresh = self._fresh, Counter()
-        return [(tx, rx, count) for (tx, rx), count in fresh.most_common(MARKS_MAX)]
+        return fresh

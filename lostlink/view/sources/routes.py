@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from bridge.bus.keys import MAIN
 from bridge.record.tables.routes import ROUTES
 from lostlink.reading.links.routes import Ends, LinkWays, Way, ways_of
 
@@ -16,7 +15,7 @@ PERIOD_S = 1.0
 
 
 class RoutesOfRun:
-    """The ways of packets on the network `main`.
+    """The ways of packets.
 
     Args:
         run: the run directory.
@@ -29,13 +28,14 @@ class RoutesOfRun:
         self, run: Path, nodes: Sequence[str], now_ns: Callable[[], int], tell: Callable[[str], object]
     ) -> None:
         self._run, self._nodes, self._now_ns, self._tell = run, tuple(nodes), now_ns, tell
-        self._ways: Mapping[Ends, LinkWays] = {}
+        self._ways: Mapping[str, Mapping[Ends, LinkWays]] = {}
+        """By radio network."""
         self._files: list[tuple[Path, int]] = []
         """As they were when they were read."""
 
-    def of(self, tx: int, rx: int) -> Way:
+    def of(self, network: str, tx: int, rx: int) -> Way:
         """Who transmitted the latest packet that came, from its sender on; empty: none came, or none is handed on."""
-        ways = self._ways.get((tx, rx))
+        ways = self._ways.get(network, {}).get((tx, rx))
         return () if ways is None else ways.at(self._now_ns())
 
     async def run(self) -> None:
@@ -60,5 +60,5 @@ class RoutesOfRun:
     def _read(self) -> None:
         files = [(file, file.stat().st_size) for file in ROUTES.files(self._run)]
         if files != self._files:
-            self._ways = ways_of(self._run, self._nodes).get(MAIN, {})
+            self._ways = ways_of(self._run, self._nodes)
             self._files = files

@@ -64,18 +64,21 @@ async def test_what_came_while_nobody_looked_is_not_counted_as_seen(record: Path
     with replayed(record, tmp_path) as place:
         async with looked_at(place) as (source, view):
             await source.look(closely=True)
-            await until(lambda: bool(view.losses.total))
+            await until(lambda: bool(view.losses["main"].total))
             await source.look(closely=False)
             left_s = view.sim_time_ns / 1e9
             await until(lambda: view.sim_time_ns / 1e9 > left_s + 2.0)
             await source.look(closely=True)
-            await until(lambda: bool(view.losses.total))
-            since_s = view.losses.since_s
+            await until(lambda: bool(view.losses["main"].total))
+            since_s = view.losses["main"].since_s
             assert since_s is not None
             assert since_s > left_s + 2.0
-            assert losses_words(view) == f"since {since_s:.1f} s of sim time, when a page was opened"
+            assert (
+                losses_words(view.losses["main"])
+                == f"since {since_s:.1f} s of sim time, when a page was opened"
+            )
             ticks = round((view.sim_time_ns / 1e9 - since_s) / 0.05) + 1
-            assert view.losses.total.total() <= 6 * (ticks + 1), "six fates a tick"
+            assert view.losses["main"].total.total() <= 6 * (ticks + 1), "six fates a tick"
 
 
 @pytest.mark.slow
@@ -87,5 +90,5 @@ async def test_a_replay_that_begins_anew_is_shown_anew(record: Path, tmp_path: P
             await until(lambda: view.sim_time_ns < 6e9)
             assert view.times_forgotten == 1
             await until(lambda: view.sim_time_ns > 6.5e9)
-            assert view.losses.total.total() <= 6 * 41
+            assert view.losses["main"].total.total() <= 6 * 41
             assert len(view.trail) <= 5

@@ -27,7 +27,7 @@ from tests.integration.bridge.clients.test_view import address_of
 from tests.integration.bridge.clients.view import serving
 from tests.integration.bridge.conftest import Run, StartRun, start_run  # noqa: F401
 from tests.interop.browser.view_page import ViewPage
-from tests.unit.lostlink.replay.flown import Said, everybody, flown, rails, scenario_of
+from tests.unit.lostlink.replay.flown import Said, Sent, everybody, flown, rails, scenario_of
 
 OUT = """\
 schema: 1
@@ -145,6 +145,30 @@ def test_the_air_of_a_network_is_seen(browser: Browser, tmp_path: Path) -> None:
         chart = seen.chart(label)
         assert all(0.3 < use < 1.0 for _, use in chart["main: in use"][1:])
         assert all(0.0 < delay_s < 1.0 for _, delay_s in chart["main: delay"])
+        assert not seen.errors
+
+
+@pytest.mark.slow
+def test_a_network_is_chosen(browser: Browser, tmp_path: Path) -> None:
+    """On `main` everything arrives, on the other network nothing."""
+    nodes = ("0", "1")
+    scenario = scenario_of("perfect", nodes, extra="networks: {far: {preset: perfect, base_loss: 1.0}}\n")
+    both = [Sent(node, radio=radio) for node in nodes for radio in ("main", "far")]
+    with serving(flown(tmp_path / "made", scenario, 200, lambda _tick: both)) as view:
+        seen = ViewPage(browser, view.address)
+        page = seen.page
+        page.get_by_role("button", name="Pause").click()
+        page.get_by_role("slider", name="Sim time").focus()
+        page.keyboard.press("End")
+        seen.open("Link")
+        expect(page.get_by_text("200 of 200 packets delivered")).to_be_visible()
+        page.get_by_role("combobox", name="Radio network").click()
+        page.get_by_role("option", name="far", exact=True).click()
+        expect(page.get_by_text("; 0 of 200 packets delivered")).to_be_visible()
+        seen.open("Losses")
+        expect(page.get_by_role("region", name="Fates of packets")).to_contain_text("base loss")
+        seen.open("Fleet")
+        expect(page.get_by_role("cell", name="0/1", exact=True)).to_have_count(4)
         assert not seen.errors
 
 

@@ -19,7 +19,8 @@ def glance() -> Glance:
 
 def links(second: float, sent: int) -> Links:
     header = Header.at(round(second * 1e9), "")
-    return Links(header, ("0", "1"), (0,), (1,), (10.0,), (-50.0,), (40.0,), (0.0,), (sent,), (sent - 1,))
+    figures = ((10.0,), (-50.0,), (40.0,), (0.0,), (sent,), (sent - 1,))
+    return Links(header, ("0", "1"), (0,), (1,), *figures, network=("main",), radio=(0,))
 
 
 def test_the_newest_state_of_each_ua_is_there(glance: Glance) -> None:

@@ -56,7 +56,7 @@ def test_a_packet_is_there_once_for_all_nodes_of_a_host() -> None:
     core = apart()
     send(core, "gcs", payload=b"to all")
     send(core, "0", payload=b"more")
-    heard = shares(core, Picture(NODES))["host-0"]
+    heard = shares(core, Picture(NODES, ["main"]))["host-0"]
     assert heard.data == b"moreto all"
     ears = {"0": Ear(), "2": Ear()}
     hand_out(heard, NODES, ears)
@@ -72,7 +72,7 @@ def test_what_is_called_hands_out_what_the_bus_would() -> None:
         core = apart()
         send(core, "gcs", payload=b"to all")
         ear = Ear()
-        hand_out(path(core, Picture(NODES))["host-0"], NODES, {"0": ear, "2": Ear()})
+        hand_out(path(core, Picture(NODES, ["main"]))["host-0"], NODES, {"0": ear, "2": Ear()})
         told.append((ear.packets, ear.signals, [look() for look in ear.looks]))
     assert told[0] == told[1]
     assert [type(number) for signal in told[1][1] for number in signal] == [float, float]
@@ -80,7 +80,7 @@ def test_what_is_called_hands_out_what_the_bus_would() -> None:
 
 
 def test_a_host_hears_of_losses_too() -> None:
-    core, picture = apart(), Picture(NODES)
+    core, picture = apart(), Picture(NODES, ["main"])
     send(core, "0")
     heard = shares(core, picture)["host-1"]
     assert (heard.packet, heard.data) == ((), b"")
@@ -91,7 +91,7 @@ def test_a_host_hears_of_losses_too() -> None:
 
 
 def test_the_status_is_of_the_latest_packet_of_each_node() -> None:
-    core, picture = apart(), Picture(NODES)
+    core, picture = apart(), Picture(NODES, ["main"])
     send(core, "0")
     send(core, "2")
     send(core, "1")
@@ -106,11 +106,11 @@ def test_the_status_is_of_the_latest_packet_of_each_node() -> None:
 
 
 def test_links_have_the_latest_figures_and_the_counts() -> None:
-    core, picture = apart(), Picture(NODES)
+    core, picture = apart(), Picture(NODES, ["main"])
     for seq in range(3):
         send(core, "0", seq)
     picture.take(core.settle().columns)
-    links = picture.links(9, core.ledger, core.radios_off(9))
+    links = picture.links(9, [air.settled for air in core.airs], core.radios_off(9))
     names = [(links.node[tx], links.node[rx]) for tx, rx in zip(links.tx, links.rx, strict=True)]
     assert names == [("0", "1"), ("0", "2"), ("0", "gcs")]
     assert list(links.sent) == [3, 3, 3]

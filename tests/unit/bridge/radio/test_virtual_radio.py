@@ -13,7 +13,7 @@ from tests.unit.bridge.radio.core import MTU_BYTES, TICK_NS, fates, place, send,
 
 
 def counts(core: VirtualRadio, tx: int, rx: int) -> tuple[int, int]:
-    account = core.ledger.account(core.nodes[tx], core.nodes[rx])
+    account = core.airs[0].ledger.account(core.nodes[tx], core.nodes[rx])
     return account.sent, account.delivered
 
 
@@ -194,7 +194,7 @@ def test_a_radio_that_an_operator_switches_is_off_from_that_tick_on() -> None:
     lost = [(tx, rx, seq) for tx, rx, seq, fate in found if fate == "radio_off"]
     assert lost == [(tx, rx, tick) for tick in (1, 2) for tx, rx in (("0", "1"), ("1", "0"), ("1", "2"))]
     assert {fate for *_, fate in found if fate != "radio_off"} == {"delivered"}
-    assert core.ledger.account("1", "2").lost == {"radio_off": 2}
+    assert core.airs[0].ledger.account("1", "2").lost == {"radio_off": 2}
     core.finish()
 
 
@@ -204,7 +204,7 @@ def test_what_is_too_long_for_a_radio_is_so_while_it_is_off() -> None:
     core.on_switch("0", 0, on=False)
     send(core, "0", payload=bytes(MTU_BYTES + 1))
     core.finish()
-    assert core.ledger.account("0", "1").lost == {"too_long": 1}
+    assert core.airs[0].ledger.account("0", "1").lost == {"too_long": 1}
 
 
 def test_a_switch_of_nobody_or_of_another_time_is_refused() -> None:

@@ -24,7 +24,8 @@ def report(*rows: tuple[int, int, float, int, int]) -> Links:
     """Of (tx, rx, power, sent, delivered)."""
     tx, rx, power, sent, delivered = zip(*rows, strict=True) if rows else ((), (), (), (), ())
     many = [10.0] * len(rows)
-    return Links(Header(), ("0", "1", "gcs"), tx, rx, many, power, many, many, sent, delivered)
+    figures = (many, power, many, many, sent, delivered)
+    return Links(Header(), ("0", "1", "gcs"), tx, rx, *figures, network=("main",), radio=[0] * len(rows))
 
 
 def link(name: str, sent: int, delivered: int) -> LinkNow:
@@ -50,6 +51,18 @@ def test_a_row_for_each_link() -> None:
         "link distance, m power, dBm last 1.0 s so far delivered",
         "0 -> 1 10.0 -70.2 40 / 50 40 / 50 80.0 %",
         "1 -> 0 10.0 - 50 / 50 50 / 50 100.0 %",
+    ]
+
+
+def test_links_of_several_networks_are_told_apart() -> None:
+    def on_both(sent: int) -> Links:
+        both = report((0, 1, -70.0, sent, sent), (0, 1, -90.0, sent, sent // 2))
+        return replace(both, network=("main", "mesh"), radio=(0, 1))
+
+    found = links_now(on_both(30), on_both(20))
+    assert [(each.name, each.sent_lately, each.delivered_lately) for each in found] == [
+        ("main: 0 -> 1", 10, 10),
+        ("mesh: 0 -> 1", 10, 5),
     ]
 
 

@@ -66,7 +66,19 @@ def test_a_line_says_of_a_link_whose_radio_is_off_that_it_is() -> None:
     many = [4] * len(rows)
     nodes, tx, rx = ("0", "1", "2", "3"), (0, 1, 2, 3), (1, 2, 3, 1)
     links = Links(
-        Header.at(0, ""), nodes, tx, rx, distances_m, powers_dbm, powers_dbm, powers_dbm, many, many, (0,)
+        Header.at(0, ""),
+        nodes,
+        tx,
+        rx,
+        distances_m,
+        powers_dbm,
+        powers_dbm,
+        powers_dbm,
+        many,
+        many,
+        (0,),
+        ("main",),
+        [0] * len(rows),
     )
     shown, output = of_lines()
     assert shown.glance is not None
@@ -90,7 +102,9 @@ def test_a_line_says_how_many_it_leaves_out() -> None:
     numbers = [1.0] * 5
     shown, output = of_lines()
     assert shown.glance is not None
-    shown.glance.links_came(Links(Header.at(0, ""), nodes, tx, rx, *[numbers] * 4, [4] * 5, [4] * 5, ()))
+    shown.glance.links_came(
+        Links(Header.at(0, ""), nodes, tx, rx, *[numbers] * 4, [4] * 5, [4] * 5, (), ("main",), [0] * 5)
+    )
     for node in nodes:
         shown.glance.state_came(node, AircraftState(Header.at(0, node), mode="GUIDED"))
     with shown:

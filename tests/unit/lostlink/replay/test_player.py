@@ -110,16 +110,24 @@ def test_links_and_fates_are_those_of_the_run_where_packets_take_time(tmp_path: 
     tele = "networks: {tele: {preset: xbee-900hp}}\n"
     scenario = scenario_of("wifi-2.4", NODES, extra=tele)
     router = Router(tmp_path / "run", scenario)
-    picture, told, fates = Picture(scenario.transceiver_ids), [], np.zeros(2, dtype=np.int64)
+    picture, told = Picture(scenario.transceiver_ids, scenario.network_names), []
+    fates = np.zeros((2, 2, len(NODES), len(NODES)), dtype=np.int64)
     for number in range(ticks):
         sent = [Sent(node, radio=radio, length=60) for node in NODES for radio in ("main", "tele")]
         now_ns, here = number * TICK_NS, truths(scenario, number)
         settled = router.tick(now_ns, here, sent)
         picture.take(settled.columns)
-        links = picture.links(now_ns, router.core.ledger, router.core.radios_off(now_ns))
-        arrived = settled.columns["fate"] == DELIVERED
-        fates += arrived.size, np.count_nonzero(arrived)
-        assert (sum(links.sent), sum(links.delivered)) == tuple(fates)
+        links = picture.links(
+            now_ns, [air.settled for air in router.core.airs], router.core.radios_off(now_ns)
+        )
+        at = tuple(settled.columns[name] for name in ("radio", "tx", "rx"))
+        np.add.at(
+            fates, (slice(None), *at), np.stack([np.ones(len(at[0])), settled.columns["fate"] == DELIVERED])
+        )
+        assert links.network == ("main", "tele")
+        rows = (np.asarray(links.radio), np.asarray(links.tx), np.asarray(links.rx))
+        assert np.array_equal(fates[:, *rows], [links.sent, links.delivered])
+        assert np.array_equal(fates.sum(axis=(1, 2, 3)), [sum(links.sent), sum(links.delivered)])
         told.append((fates_message(now_ns, NODES, settled.columns, ("main", "tele")), links))
     run = router.close()
     player = Player.open(run)

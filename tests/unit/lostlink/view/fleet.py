@@ -46,7 +46,9 @@ def truths(time_s: float, north_m: float) -> Truths:
 def links(time_s: float, distance_m: float, per: float, sent: int, delivered: int) -> Links:
     """A report of the link from UA 0 to the ground node."""
     header, figures = Header.at(round(time_s * NS), ""), ((distance_m,), (-80.0,), (12.0,), (per,))
-    return Links(header, ("0", "gcs"), (0,), (1,), *figures, (sent,), (delivered,))
+    return Links(
+        header, ("0", "gcs"), (0,), (1,), *figures, (sent,), (delivered,), network=("main",), radio=(0,)
+    )
 
 
 def fates(time_s: float, rows: Sequence[tuple[int, int, int]], nodes: Sequence[str] = ("0", "gcs")) -> Fates:
@@ -56,5 +58,5 @@ def fates(time_s: float, rows: Sequence[tuple[int, int, int]], nodes: Sequence[s
     at = round(time_s * NS)
     return Fates(
         Header.at(at, ""), tuple(nodes), CAUSES, tx, rx, tuple(range(n)), (at,) * n, (40,) * n,
-        (100.0,) * n, (-80.0,) * n, (12.0,) * n, (0.1,) * n, bytes(fate),
+        (100.0,) * n, (-80.0,) * n, (12.0,) * n, (0.1,) * n, bytes(fate), network=("main",), radio=(0,) * n,
     )  # fmt: skip

@@ -100,19 +100,28 @@ def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
     ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
 )
 def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
-    curve = Model(scenario_of(radio, ("0", "1"))).curve(100.0, {})
+    curve = Model(scenario_of(radio, ("0", "1")), "main").curve(100.0, {})
     assert curve.shares_draws is are_shared
     assert curve.probability[0] > 0.9
 
 
 def test_the_models_curve_is_that_of_the_packets_that_are_sent() -> None:
     scenario, radio = scenario_of("wifi-2.4", ("0", "1")), Radio(load_radio("wifi-2.4"))
-    model = Model(scenario)
+    model = Model(scenario, "main")
     nominal = model.curve(3000.0, {})
     sent = model.curve(3000.0, {364: 9, 1536: 2})  # with the headers
     expected = radio.probability_of_delivery(sent.distance_m, 300)
     assert sent.probability == pytest.approx(expected)
     assert (sent.probability < nominal.probability - 0.02).any()
+
+
+def test_each_network_has_its_models_curve() -> None:
+    scenario = scenario_of("wifi-2.4", ("0", "1"), extra="networks: {tele: moon2020}\n")
+    for network, preset in (("main", "wifi-2.4"), ("tele", "moon2020")):
+        alone = Model(scenario_of(preset, ("0", "1")), "main").curve(600.0, {316: 1})
+        assert alone.probability.size
+        curve = Model(scenario, network).curve(600.0, {316: 1})
+        assert (curve.probability == alone.probability).all()
 
 
 def test_each_cause_has_a_colour_of_its_own() -> None:
@@ -143,7 +152,7 @@ def test_the_fleet_in_words() -> None:
     view.take(clock(1.0))
     view.take(truths(1.0, 250.0))
     view.take(fates(1.0, [(0, 1, 0), (1, 0, 1)]))
-    ua, ground = fleet_rows(view, chosen=0)
+    ua, ground = fleet_rows(view, "main", chosen=0)
     assert (ua["node"], ua["north"], ua["height"], ua["hears"], ua["heard"]) == (
         "UA 0",
         "250.0",
@@ -154,10 +163,10 @@ def test_the_fleet_in_words() -> None:
     assert (ua["chosen"], ground["chosen"]) == (True, False)
     assert ground["mode"] == "-"
     view.take(AircraftState(mode="GROUND"), "gcs")
-    assert fleet_rows(view)[1]["mode"] == "GROUND"  # nothing to arm
+    assert fleet_rows(view, "main")[1]["mode"] == "GROUND"  # nothing to arm
     view.logged.take("0", "gap_m", 0, 12.3456)
     assert [row["logged"] for row in agent_rows(view)] == [1, 0]
-    assert [(row["cause"], row["packets"]) for row in loss_rows(view)] == [
+    assert [(row["cause"], row["packets"]) for row in loss_rows(view.losses["main"])] == [
         ("delivered", 1),
         ("channel erasure", 1),
     ]
@@ -166,7 +175,7 @@ def test_the_fleet_in_words() -> None:
 def test_an_autopilot_has_no_mode_before_its_first_heartbeat() -> None:
     view = view_of_two()
     view.take(AircraftState(), "0")
-    assert fleet_rows(view)[0]["mode"] == "disarmed"
+    assert fleet_rows(view, "main")[0]["mode"] == "disarmed"
 
 
 def test_a_short_record_is_as_long_as_it_is() -> None:
@@ -181,17 +190,17 @@ def test_a_short_record_is_as_long_as_it_is() -> None:
 )
 def test_losses_say_from_when_on_they_are_counted(begin_s: float, words: str) -> None:
     view = view_of_two()
-    assert losses_words(view) == "no packet yet since this page is open"
+    assert losses_words(view.losses["main"]) == "no packet yet since this page is open"
     view.take(fates(begin_s, [(0, 1, 0)]))
     view.take(fates(begin_s + 5.0, [(0, 1, 1)]))
-    assert losses_words(view) == words
+    assert losses_words(view.losses["main"]) == words
 
 
 def test_a_link_in_words() -> None:
     view = view_of_two()
-    assert link_words(view, 0, 1) == "UA 0 to node gcs: no packet yet"
+    assert link_words(view, "main", 0, 1) == "UA 0 to node gcs: no packet yet"
     view.take(links(1.0, 123.4, 0.25, 40, 30))
-    assert link_words(view, 0, 1) == (
+    assert link_words(view, "main", 0, 1) == (
         "UA 0 to node gcs: 123 m, -80.0 dBm, SNR 12.0 dB, probability of delivery 0.75; 30 of 40 packets delivered"
     )
 
@@ -199,7 +208,7 @@ def test_a_link_in_words() -> None:
 def test_a_link_whose_latest_packet_found_no_room_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, np.nan, np.nan, 40, 30))
-    assert link_words(view, 0, 1) == (
+    assert link_words(view, "main", 0, 1) == (
         "UA 0 to node gcs: its latest packet never was on the air; 30 of 40 packets delivered"
     )
 
@@ -247,16 +256,16 @@ def test_time_that_stands_still_is_told() -> None:
 def test_who_handed_a_packet_on_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, 123.4, 0.25, 40, 30))
-    assert link_words(view, 0, 1, (0,)).endswith("30 of 40 packets delivered, directly")
-    assert link_words(view, 0, 1, (0, 1)).endswith("30 of 40 packets delivered, by way of node gcs")
+    assert link_words(view, "main", 0, 1, (0,)).endswith("30 of 40 packets delivered, directly")
+    assert link_words(view, "main", 0, 1, (0, 1)).endswith("30 of 40 packets delivered, by way of node gcs")
 
 
 def test_delays_in_words() -> None:
     view = view_of_two()
     view.take(links(1.0, 123.4, 0.25, 40, 30))
     view.take(replace(fates(1.0, [(0, 1, 0)]), delay_s=(0.3504,)))
-    assert link_words(view, 0, 1).endswith("; 30 of 40 packets delivered, the latest after 0.350 s")
-    assert [row["delay"] for row in fleet_rows(view)] == ["-", "0.350"]
+    assert link_words(view, "main", 0, 1).endswith("; 30 of 40 packets delivered, the latest after 0.350 s")
+    assert [row["delay"] for row in fleet_rows(view, "main")] == ["-", "0.350"]
 
 
 def test_what_an_agent_logged_in_words() -> None:

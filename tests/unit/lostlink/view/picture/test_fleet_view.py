@@ -70,7 +70,7 @@ def test_what_is_of_nobody_here_is_passed_over() -> None:
     view.take(fates(0.1, [(0, 1, 0)], nodes=("0", "1", "2")))
     assert not view.lines
     assert np.isnan(view.position_ned_m).all()
-    assert not view.losses.total
+    assert not view.losses["main"].total
 
 
 def test_a_pause_is_shown_and_time_does_not_go_back() -> None:
@@ -92,7 +92,7 @@ def test_all_can_be_forgotten() -> None:
     assert view.sim_time_ns == 0
     assert not view.trail
     assert not view.lines
-    assert view.links.reports == 0
+    assert view.links["main"].reports == 0
     assert not view.logged.latest["0"]
     assert view.times_forgotten == 1
 
@@ -103,15 +103,15 @@ def test_what_nobody_looked_at_is_forgotten() -> None:
     view.take(links(2.0, 5.0, 0.0, 4, 4))
     view.take(fates(2.0, [(0, 1, 0)]))
     view.look_anew()
-    assert (losses_words(view), fleet_rows(view)[0]["heard"]) == (
+    assert (losses_words(view.losses["main"]), fleet_rows(view, "main")[0]["heard"]) == (
         "no packet yet since this page is open",
         "0/0",
     )
     assert not view.trail
-    assert view.links.reports == 1
+    assert view.links["main"].reports == 1
     view.take(fates(9.0, [(0, 1, 1)]))
-    assert losses_words(view) == "since 9.0 s of sim time, when a page was opened"
-    assert view.losses.total == {"channel_erasure": 1}
+    assert losses_words(view.losses["main"]) == "since 9.0 s of sim time, when a page was opened"
+    assert view.losses["main"].total == {"channel_erasure": 1}
 
 
 def test_the_end_is_told_once() -> None:
@@ -128,7 +128,7 @@ def test_a_radio_that_is_off_is_shown_and_told_once() -> None:
     for off in ((), (1,), (1,), ()):
         view.take(replace(report, radio_off=off))
         assert json.loads(frames.frame())["off"] == json.loads(frames.snapshot())["off"] == list(off)
-        assert [row["mode"] for row in fleet_rows(view)] == ["GUIDED", "radio off" if off else "-"]
+        assert [row["mode"] for row in fleet_rows(view, "main")] == ["GUIDED", "radio off" if off else "-"]
         words = "UA 0 to node gcs: radio of node gcs off; 5 of 10 packets delivered"
-        assert (link_words(view, 0, 1) == words) is bool(off)
+        assert (link_words(view, "main", 0, 1) == words) is bool(off)
     assert [(line.node, line.text) for line in view.lines] == [("gcs", "radio off"), ("gcs", "radio on")]

@@ -94,9 +94,8 @@ def test_memory_is_bounded_and_the_whole_run_stays_in_sight(monkeypatch: pytest.
     assert series.time_s[-1] > 190.0
 
 
-def test_memory_of_a_large_fleet_is_bounded_by_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link_history, "VALUES_MAX", 10 * LinkHistory(3).latest("per").size * len(FIGURES))
-    history = LinkHistory(3)
+def test_memory_of_a_large_fleet_is_bounded_by_its_numbers() -> None:
+    history = LinkHistory(3, values_max=10 * LinkHistory(3).latest("per").size * len(FIGURES))
     for number in range(200):
         history.take(links(0.2 * number, 10.0, 0.0, number, number))
     series = history.series(0, 1)
@@ -114,7 +113,7 @@ def test_a_report_without_links_is_one() -> None:
     history = LinkHistory(2)
     history.take(Links(Header.at(0, ""), ("0", "1")))
     assert history.reports == 1
-    assert history.pairs()[0].size == 0
+    assert np.nonzero(history.carried)[0].size == 0
 
 
 def test_the_model_of_a_link_is_the_mean_of_the_packets_that_have_one() -> None:

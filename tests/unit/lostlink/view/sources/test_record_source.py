@@ -56,14 +56,14 @@ class Watched:
 
 
 def picture(view: FleetView) -> dict[str, object]:
-    bins, (time_s, shares) = view.links.by_distance(), view.losses.over_time()
+    bins, (time_s, shares) = view.links["main"].by_distance(), view.losses["main"].over_time()
     return {
         "time": view.sim_time_ns,
         "places": view.position_ned_m.tolist(),
-        "sent": np.nan_to_num(view.links.latest("sent")).tolist(),
+        "sent": np.nan_to_num(view.links["main"].latest("sent")).tolist(),
         "bins": (bins.distance_m.tolist(), bins.sent.tolist(), bins.delivered.tolist()),
         "losses": (time_s.tolist(), {cause: share.tolist() for cause, share in shares.items()}),
-        "fates": dict(view.losses.total),
+        "fates": dict(view.losses["main"].total),
         "trail": [points.tolist() for points in view.trail],
         "logged": view.logged.latest,
         "gap_m": [values.tolist() for values in view.logged.series["0"]["gap_m"].points()],

@@ -1,0 +1,69 @@
+"""What is known of several radio networks is known of each."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from lostlink.replay.player import Player
+from lostlink.view.page.tables import fleet_rows, link_words, loss_rows
+from lostlink.view.picture.fleet_view import FleetView, view_of
+from lostlink.view.picture.frames import PictureFrames
+from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
+
+NODES = ("0", "1", "gcs")
+TELE = "networks: {tele: {preset: perfect, base_loss: 0.5}}\n"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All talk on a `main` that loses nothing, and on a network that loses half."""
+    lengths = {"main": 60, "tele": 90}
+    sent = [Sent(node, radio=radio, length=length) for node in NODES for radio, length in lengths.items()]
+    path = tmp_path_factory.mktemp("runs") / "made"
+    return flown(path, scenario_of("perfect", NODES, extra=TELE), 100, lambda _tick: sent)
+
+
+@pytest.fixture(scope="module")
+def view(run: Path) -> FleetView:
+    player = Player.open(run)
+    view = view_of(player.record.scenario)
+    for moment in player.moments():
+        view.take(moment.fates())
+        view.take(moment.links())
+    return view
+
+
+def test_counts_are_those_of_the_table_network_by_network(run: Path, view: FleetView) -> None:
+    table = pq.read_table(run / "deliveries.parquet", columns=["radio", "tx", "rx", "fate"]).to_pylist()
+    for name in ("main", "tele"):
+        rows = [row for row in table if row["radio"] == name]
+        assert view.losses[name].total == Counter(row["fate"] for row in rows)
+        sent = view.links[name].latest("sent")
+        found = {(NODES[tx], NODES[rx]): sent[tx, rx] for tx, rx in zip(*view.pairs(), strict=True)}
+        assert found == Counter((row["tx"], row["rx"]) for row in rows)
+    assert set(view.losses["main"].total) == {"delivered"}
+    assert view.losses["tele"].total["base_loss"] == pytest.approx(300, abs=60)
+    assert [set(view.losses[name].lengths) for name in view.networks] == [{60}, {90}]
+
+
+def test_words_and_tables_are_of_one_network(view: FleetView) -> None:
+    assert "100 of 100 packets delivered" in link_words(view, "main", 0, 1)
+    assert "of 100 packets delivered" in link_words(view, "tele", 0, 1)
+    assert "100 of 100" not in link_words(view, "tele", 0, 1)
+    assert [row["cause"] for row in loss_rows(view.losses["main"])] == ["delivered"]
+    assert [row["hears"] for row in fleet_rows(view, "main")] == ["2/2"] * 3
+    assert [row["hears"] for row in fleet_rows(view, "tele")] != ["2/2"] * 3
+
+
+def test_the_map_has_of_each_link_the_network_on_which_most_arrives(view: FleetView) -> None:
+    assert json.loads(PictureFrames(view).snapshot())["quality"] == [100] * 6
+    main, tele = (view.links[name].probability for name in ("main", "tele"))
+    main[0, 1], tele[0, 1] = np.nan, 0.25
+    main[1, 0], tele[1, 0] = 0.75, 0.5
+    assert json.loads(PictureFrames(view).snapshot())["quality"] == [25, 100, 75, 100, 100, 100]
