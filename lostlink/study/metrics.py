@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.keys import MAIN
+from bridge.record.tables.schema import Columns
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.ages import link_ages, times_of
 from lostlink.reading.links.counts import counts_of
@@ -64,7 +65,8 @@ def of_tables(run: Run) -> Metrics:
 
     ``sent``, ``delivered`` and ``delivery`` (their quotient) of all links, and ``delivery_<tx>_<rx>`` of each
     (`link_column`); ``age_mean_s``, the mean over the links of the time average of the age of information, and
-    ``age_peak_s``, the greatest of any link (`Run.ages`); ``separation_min_m``, the least distance of two UA at any
+    ``age_peak_s``, the greatest of any link (`Run.ages`); of several radio networks also ``<radio>: delivery`` and
+    ``<radio>: age_mean_s`` of each; ``separation_min_m``, the least distance of two UA at any
     tick.
 
     Raises:
@@ -73,18 +75,21 @@ def of_tables(run: Run) -> Metrics:
     deliveries = RecordedDeliveries(run.path, run.scenario.transceiver_ids, run.scenario.network_names)
     links, ages = counts_of(deliveries), link_ages(times_of(deliveries), run.end_ns)
     _, places = places_of(run.path, run.nodes)
-    sent, delivered = int(np.sum(links["sent"])), int(np.sum(links["delivered"]))
+    everywhere = np.full(len(links["sent"]), True)
+    networks = deliveries.networks if len(deliveries.networks) > 1 else ()
     return {
-        "sent": sent,
-        "delivered": delivered,
-        "delivery": delivered / sent if sent else float("nan"),
+        "sent": int(np.sum(links["sent"])),
+        "delivered": int(np.sum(links["delivered"])),
+        "delivery": _delivery(links, everywhere),
         **{
             link_column(tx, rx, radio): float(d / s) if s else float("nan")
             for radio, tx, rx, s, d in zip(
                 *(links[name] for name in ("radio", "tx", "rx", "sent", "delivered")), strict=True
             )
         },
+        **{f"{name}: delivery": _delivery(links, links["radio"] == name) for name in networks},
         "age_mean_s": _mean(ages["mean_s"]),
+        **{f"{name}: age_mean_s": _mean(ages["mean_s"][links["radio"] == name]) for name in networks},
         "age_peak_s": float(np.nanmax(ages["peak_s"], initial=0.0)) if len(ages["peak_s"]) else float("nan"),
         "separation_min_m": separation_m(places[ua.node] for ua in run.scenario.ua)[0],
     }
@@ -96,6 +101,11 @@ def link_column(tx: str, rx: str, radio: str = MAIN) -> str:
     if "_" in network + tx + rx:
         return f"delivery_{network}:{tx}->{rx}" if network else f"delivery_{tx}->{rx}"
     return "_".join(["delivery", *filter(None, [network]), tx, rx])
+
+
+def _delivery(links: Columns, wanted: NDArray[np.bool_]) -> float:
+    sent, delivered = (int(np.sum(links[name][wanted])) for name in ("sent", "delivered"))
+    return delivered / sent if sent else float("nan")
 
 
 def _mean(values: NDArray[np.float64]) -> float:
