@@ -47,7 +47,7 @@ def verdict_of(
 
     Args:
         checks: of packets against the model, as in `summary.json`, as are ``links`` and ``ending``.
-        links: with ``sent`` and ``delivered``, and ``lost`` by cause.
+        links: with ``radio``, ``sent`` and ``delivered``, and ``lost`` by cause.
         ending: how the run ended.
         judgements: what came of each expectation.
         unfinished: nodes that had not finished.
@@ -106,6 +106,15 @@ def _with_reasons(unjudged: Sequence[dict[str, Any]]) -> Iterator[str]:
 def _counts(links: Sequence[dict[str, Any]], outcome: RunOutcome) -> str:
     if not links and outcome in UNJUDGED.values():
         return "no link was recorded"
+    networks = dict.fromkeys(link["radio"] for link in links)
+    if len(networks) <= 1:
+        return _delivered(links)
+    return "; ".join(
+        f"{name}: {_delivered([each for each in links if each['radio'] == name])}" for name in networks
+    )
+
+
+def _delivered(links: Sequence[dict[str, Any]]) -> str:
     sent, delivered = (sum(link[key] for link in links) for key in ("sent", "delivered"))
     told = f"{delivered} of {sent} packets delivered"
     weak = sum(link.get("lost", {}).get(Fate.BELOW_PREAMBLE.value, 0) for link in links)

@@ -29,8 +29,11 @@ def verdict_on(result: Redecision, written: Mapping[str, Any] | None) -> RunVerd
     """
     if written is not None:
         return RunVerdict(written["outcome"], written["verdict"])
-    accounts = [account for each in result.books for account in each.ledger.links.values()]
-    links = [{"sent": account.sent, "delivered": account.delivered} for account in accounts]
+    links = [
+        {"radio": each.radio, "sent": account.sent, "delivered": account.delivered}
+        for each in result.books
+        for account in each.ledger.links.values()
+    ]
     judged, expected = judged_in(result.books), len(result.scenario.expectations)
     remarks = [f"{expected} expectations are judged with --out"] if expected else []
     return verdict_of(judged["checks"], links, "done", unjudged=judged["unjudged"], remarks=remarks)

@@ -84,7 +84,8 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
         "provenance": asdict(run.provenance) if run.provenance else None,
     }
     losses = packets.losses_of(deliveries, end_ns)
-    found |= {"totals": packets.totals_of(links), "links": links, "losses": losses}
+    found |= {"totals": packets.totals_of(links), "networks": packets.networks_of(links)}
+    found |= {"links": links, "losses": losses}
     tell("follows the ages of packets")
     found["ages"] = packets.ages_of(times, deliveries, end_ns)
     del times  # of the size of the record

@@ -68,6 +68,12 @@ def totals_of(links: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def networks_of(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A row per radio network that carried a packet: its name, ``radio``, and what `totals_of` its links has."""
+    names = dict.fromkeys(link["radio"] for link in links)
+    return [{"radio": name} | totals_of([link for link in links if link["radio"] == name]) for name in names]
+
+
 def _mean(links: list[dict[str, Any]], name: str) -> float | None:
     values = [link[name] for link in links if np.isfinite(link[name])]
     return float(np.mean(values)) if values else None

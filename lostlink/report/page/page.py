@@ -66,11 +66,13 @@ def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
 
 def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
     """The whole page: one file that asks for nothing."""
-    networks = list(dict.fromkeys(link["radio"] for link in content["links"]))
+    several = len(content["networks"]) > 1
+    networks = [each | {"on": f" on {each['radio']}" if several else ""} for each in content["networks"]]
     return render(
         "report.html.j2",
         pictures,
         c=content,
+        networks=networks or [content["totals"] | {"on": ""}],
         status=STATUS.get(content["run"]["outcome"], ""),
         sections=SECTIONS,
         facts=_facts(content["run"]),
@@ -83,16 +85,16 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         nodes=[_node(node) for node in content["nodes"]],
         delivery_caption=told_of_delivery(content) if content["bins"] else "",
         powers=[_power(box) for box in content["powers"]["boxes"]],
-        links=[_link(link, is_only=len(networks) == 1) for link in _worst(content["links"])],
+        links=[_link(link, is_only=not several) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
-        on_first=f", on {networks[0]}" if len(networks) > 1 else "",
+        on_first=f", on {networks[0]['radio']}" if several else "",
         routes=[_route(route) for route in _most_used(content["routes"])],
         routes_caption=_routes_caption(len(content["routes"])),
         routing=[row for each in content["routing"] for row in _routing(each, content["run"])],
         causes=_causes(content["totals"]),
         air=[row for each in content["air"] for row in _air(each)],
         air_use_caption=_air_use_caption(content["air"]),
-        timed=_timed(content["totals"]),
+        timed=[row for each in networks for row in _timed(each)],
         machine=_machine(content),
         counters=[
             [reporter, name, count(number)]
@@ -295,13 +297,14 @@ def _two(air: dict[str, Any], name: str) -> str:
     return f"{num(air[f'{name}_p50_s'])} s, {num(air[f'{name}_p95_s'])} s"
 
 
-def _timed(totals: dict[str, Any]) -> list[Row]:
+def _timed(network: dict[str, Any]) -> list[Row]:
+    on = network["on"]
     return [
-        ["age, mean over time and links", num(totals["age_mean_s"])],
-        ["age that the worst link does not exceed for 95 % of the time", num(totals["age_p95_s"])],
-        ["greatest age of any link", num(totals["age_peak_s"])],
-        ["latency, mean of the links", num(totals["latency_mean_s"])],
-        ["greatest latency of any packet", num(totals["latency_max_s"])],
+        [f"age{on}, mean over time and links", num(network["age_mean_s"])],
+        [f"age that the worst link{on} does not exceed for 95 % of the time", num(network["age_p95_s"])],
+        [f"greatest age of any link{on}", num(network["age_peak_s"])],
+        [f"latency{on}, mean of the links", num(network["latency_mean_s"])],
+        [f"greatest latency of any packet{on}", num(network["latency_max_s"])],
     ]
 
 

@@ -52,6 +52,7 @@ def summary_of(
     sent, delivered = (sum(b[k] for b in bins) for k in ("sent", "delivered"))
     links = [
         {
+            "radio": "main",
             "tx": "0",
             "rx": "1",
             "sent": sent,

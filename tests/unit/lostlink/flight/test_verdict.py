@@ -10,7 +10,7 @@ from lostlink.expectations.judge import Judgement
 from lostlink.flight.exits import DISAGREES, UNEXPECTED, WELL, RunOutcome, status_of
 from lostlink.flight.verdict import verdict_of
 
-LINKS = [{"sent": 50, "delivered": 25}]
+LINKS = [{"radio": "main", "sent": 50, "delivered": 25}]
 GOOD = {
     "name": "losses",
     "chance": 0.2,
@@ -71,6 +71,14 @@ def test_words_and_status_follow_from_the_outcome(
     expectations = [{"passed": each.passed} for each in judged]
     summary = {"outcome": verdict.outcome, "checks": checks, "expectations": expectations}
     assert status_of(summary) == status
+
+
+def test_packets_are_told_of_each_network() -> None:
+    tele = [{"radio": "tele", "sent": 10, "delivered": 0, "lost": {"below_preamble": 4}}] * 2
+    assert verdict_of([], [*LINKS, *tele], "interrupted").text == (
+        "interrupted: main: 25 of 50 packets delivered; tele: 0 of 20 packets delivered, "
+        "8 too weak for their receivers to lock on to (below_preamble)"
+    )
 
 
 def test_what_ended_a_run_comes_before_what_follows_from_it() -> None:

@@ -50,7 +50,14 @@ def test_a_report_tells_the_links_of_each_network_apart(run: Run) -> None:
         "main: 1 to 0",
         "c2: 1 to 0",
     ]
+    assert [(each["radio"], each["sent"], each["delivery"]) for each in content["networks"]] == [
+        ("main", 2 * TICKS, 1.0),
+        ("c2", TICKS / 2, 0.0),
+    ]
     page = page_of(content, draw_all(content))
+    assert "<strong>100.0 %</strong><span>of 80 packets on main delivered</span>" in page
+    assert "<strong>0.0 %</strong><span>of 20 packets on c2 delivered</span>" in page
+    assert "greatest age of any link on c2" in page
     assert "c2: 1 to 0" in page
     assert "Share of packets delivered, on main." in page
     rows = {name: cells for name, cells, _ in table_of(side_by_side([run, run]))}
