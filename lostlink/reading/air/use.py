@@ -131,7 +131,7 @@ class Offered:
         Args:
             whole_ns: edges of the one period that is the run.
         """
-        payload_bits = np.broadcast_to(8.0 * self.payload_bytes, self.sharer.shape)
+        payload_bits = np.where(self.need_s > 0.0, 8.0 * self.payload_bytes, 0.0)  # not of what finds no room
         (need_s,), (bits,) = self._sums(self.need_s, whole_ns), self._sums(payload_bits, whole_ns)
         if not need_s.any():
             return None, False

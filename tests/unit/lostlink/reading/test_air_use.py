@@ -324,6 +324,16 @@ def test_the_busiest_ten_seconds_may_begin_at_any_time(begin_s: int, end_s: int)
     assert account.busiest_share == pytest.approx(8 * 8008 / 64e3)
 
 
+def test_what_a_medium_has_no_room_for_is_not_among_what_it_carries() -> None:
+    """7 packets of 92 bytes fit into a slot, none of 4000."""
+    too_long = {"fate": "too_long_for_a_slot", "length_bytes": 4008, "started_ns": -1, "ended_ns": -1}
+    given = rows(*({"seq": seq} for seq in range(10)), *(too_long | {"seq": seq} for seq in range(10, 20)))
+    account = account_of(given, capacity(TDMA), S)
+    assert account.share == pytest.approx(10 * 0.3 / 7)
+    assert account.capacity_bps == pytest.approx(8 * 92 * 7 / 0.3)
+    assert account.offered_bps == pytest.approx(10 * 8 * (92 + 4000))
+
+
 @pytest.mark.parametrize(
     ("fate", "warns"), [("queue_full", True), ("delivered", False), ("run_ended", False)]
 )
