@@ -52,7 +52,8 @@ class PacketFinder:
     """
 
     def __init__(self, run: Path, scenario: Scenario, expectations: Sequence[Expectation]) -> None:
-        self._run, self._nodes, self._stations = run, scenario.transceiver_ids, scenario.stations
+        self._run, self._scenario = run, scenario
+        self._nodes, self._stations = scenario.transceiver_ids, scenario.stations
         self._deliveries, self._expectations = RecordedDeliveries(run, self._nodes), expectations
         self._counts: dict[DeliveryExpectation, NDArray[np.int64]] = {}
         self._times: dict[str | None, dict[int, LinkTimes]] = {}
@@ -131,10 +132,15 @@ class PacketFinder:
         until_s = min(until_s, end_s)
         if until_s < begin_s or not end_s:  # a run that ended before its first tick has no instant
             return None
-        senders = [wanted.from_] if wanted.from_ else [node for node in self._nodes if node != wanted.node]
+        senders = [wanted.from_] if wanted.from_ else self._others(wanted)
         links = [self._nodes.index(tx) * len(self._nodes) + self._nodes.index(wanted.node) for tx in senders]
         times = self._times_by(wanted.radio)
         return max((_greatest_age_s(times.get(link), begin_s, until_s) for link in links), default=None)
+
+    def _others(self, wanted: AgeExpectation) -> list[str]:
+        """Who may be heard: all other nodes that have the radio."""
+        on_it = self._scenario.transceivers if wanted.radio is None else self._scenario.nodes_on(wanted.radio)
+        return [each.node for each in on_it if each.node != wanted.node]
 
     def _times_by(self, radio: str | None) -> dict[int, LinkTimes]:
         """By link, of all that are meant and had a packet on a radio network, or on any."""

@@ -372,17 +372,31 @@ def _expected(root: Written, scenario: Scenario) -> Iterator[str]:
                     text = f"{node_id} is an emitter: it exchanges no packets, and has no agent"
                 yield _told(root, ("expectations", index, key), text)
         if isinstance(expectation, DeliveryExpectation | AgeExpectation) and expectation.radio is not None:
-            yield from _unknown_network(root, scenario, index, expectation.radio)
+            yield from _unheard(root, scenario, index, expectation, expectation.radio)
         if isinstance(expectation, FunctionExpectation):
             mistake = mistake_in(expectation.place, expectation.function_name, "function")
             if mistake:
                 yield _told(root, ("expectations", index, "function"), mistake)
 
 
-def _unknown_network(root: Written, scenario: Scenario, index: int, radio: str) -> Iterator[str]:
+def _unheard(
+    root: Written,
+    scenario: Scenario,
+    index: int,
+    expectation: DeliveryExpectation | AgeExpectation,
+    radio: str,
+) -> Iterator[str]:
+    """A radio network that is not there, or on which a node is not that the expectation names."""
     known = scenario.network_names
     if radio not in known:
         text = (
             f"no radio network has the name {radio}{near_miss(radio, known)}; there are: {', '.join(known)}"
         )
         yield _told(root, ("expectations", index, "radio"), text)
+        return
+    on_it = [node.node for node in scenario.nodes_on(radio)]
+    for key, ids in expectation.nodes.items():
+        for node_id in ids:
+            if node_id in scenario.transceiver_ids and node_id not in on_it:
+                text = f"{node_id} has no radio on the network {radio}; there are: {', '.join(on_it)}"
+                yield _told(root, ("expectations", index, key), text)

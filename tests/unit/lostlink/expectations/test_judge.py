@@ -99,6 +99,28 @@ def test_packets_of_one_radio_network_count_alone(tmp_path: Path) -> None:
         judged(run, changes, **delivery, radio="c3")
 
 
+def test_who_is_on_a_radio_network_is_heard_there_alone(run: Path) -> None:
+    """A station that has no radio on `c2` sends nothing there: it is not what a node has never heard."""
+    ears = {"id": "ears", "kind": "ground", "networks": ["main"], "agent": {"type": "still"}}
+    nodes = [
+        *({"id": n, "agent": {"type": "hold", "altitude_m": 40}, "home": {"north_m": 9 * n}} for n in (0, 1)),
+        ears,
+    ]
+    changes = {"networks": {"c2": "wifi-2.4"}, "nodes": nodes}
+    made = make_run(
+        run.parent / "by_c2", lambda made: [made.change_row(row, radio="c2") for row in range(40)]
+    )
+    age = {"type": "age", "node": 1, "at_most_s": 0.2}
+    assert judged(made, changes, **age, radio="c2").found == pytest.approx(0.1)
+    assert judged(made, changes, **age).found == pytest.approx(0.95)
+    for key, expectation in (("node", age | {"node": "ears"}), ("from", age | {"from": "ears"})):
+        with pytest.raises(
+            ScenarioError,
+            match=rf"expectations.0.{key}: ears has no radio on the network c2; there are: 0, 1",
+        ):
+            judged(made, changes, **expectation, radio="c2")
+
+
 def test_both_ends_of_an_interval_are_inside(tmp_path: Path) -> None:
     """2.05 s is tick 41, and 2.05 * 1e9 is less than its time; 8.3 * 1e9 is more than that of tick 166."""
     run = make_run(tmp_path / "run", lambda made: made.change_row(2 * 41, fate="channel_erasure"), ticks=170)
