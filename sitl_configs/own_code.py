@@ -23,8 +23,12 @@ _NOT_THEIRS: Final = (
     *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
 )
 """What the names of files begin with that are no user's: Python's, those of installed packages, and ours."""
+PATH_VARIABLE: Final = "LOSTLINK_SYS_PATH"
+"""Of a process of a run: where imports look in the one that started it, in a script's folder, say."""
 _numbers = itertools.count()
 _put_first: set[str] = set()
+if PATH_VARIABLE in os.environ:
+    sys.path[:] = os.environ.pop(PATH_VARIABLE).split("\n")
 
 
 class OwnCodeError(ValueError):
@@ -85,8 +89,8 @@ def put_first(folder: Path) -> None:
 
 
 def path_of_others() -> list[str]:
-    """Where imports look, without the folders of files that were put first."""
-    return [each for each in sys.path if each not in _put_first]
+    """Where imports look, without the folders of files that were put first; all absolute."""
+    return [os.path.abspath(each) for each in sys.path if each not in _put_first]  # noqa: PTH100
 
 
 def _from_file(path: Path, name: str) -> ModuleType:

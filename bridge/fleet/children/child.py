@@ -20,6 +20,7 @@ from bridge.fleet.children.environment import environment_of
 from bridge.fleet.children.last_words import last_words
 from bridge.timeouts import STACKS_S
 from fdm.module_process import how_it_ended
+from sitl_configs.own_code import PATH_VARIABLE, path_of_others
 
 LEASH = Path(__file__).with_name("leash.py")
 LAST_WORDS = " ERROR lostlink: "
@@ -58,7 +59,7 @@ def start_process(
     pass_fds: Sequence[int] = (),
     environment: Mapping[str, str] = MappingProxyType({}),
 ) -> subprocess.Popen[bytes]:
-    """Start a process of ours or an autopilot, in the environment of a run.
+    """Start a process of ours or an autopilot, in the environment of a run; imports of ours look where they do here.
 
     The kernel ends it with the thread that calls this, where it can (see leash.py). Ctrl-C does not reach it: whoever
     started it ends it, in order.
@@ -79,7 +80,7 @@ def start_process(
         stdout=subprocess.PIPE if log is None else log,
         stderr=None if log is None else subprocess.STDOUT,
         cwd=cwd,
-        env={**environment_of(os.environ), **environment},
+        env={**environment_of(os.environ), PATH_VARIABLE: "\n".join(path_of_others()), **environment},
         pass_fds=pass_fds,
         start_new_session=True,
     )

@@ -31,8 +31,7 @@ class Modules:
 
     def __init__(self, place: str) -> None:
         self._beside = [str(Path(place).absolute().parent)] if place.endswith(CODE) else []
-        # folders of other files are not for it
-        self.path = tuple(os.path.abspath(each) for each in (*self._beside, *path_of_others()))  # noqa: PTH100
+        self.path = (*self._beside, *path_of_others())  # folders of other files are not for it
 
     def found(self, name: str) -> list[ModuleSpec]:
         """The packages around a module and itself, outermost first, as far as they are there; none of the stdlib's."""

@@ -105,6 +105,21 @@ def test_mistakes_are_told_before_anything_starts(tmp_path: Path, scenario: dict
     assert list(tmp_path.iterdir()) == []
 
 
+def test_agents_import_what_the_program_can(
+    tmp_path: Path, scenario: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As from a script's folder, or pytest's `pythonpath`: no environment variable has these."""
+    (tmp_path / "flown_by_path.py").write_text(
+        "from lostlink import Agent\n\nclass Short(Agent):\n    async def fly(self):\n        await self.sleep(0.1)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    for node in scenario["nodes"]:
+        node["agent"] = {"type": "own", "class": "flown_by_path:Short"}
+    result = fly(scenario, directory=tmp_path / "runs", changes={"mcap.write": False, "figure": False})
+    assert (result.error, result.ending) == (None, "done")
+
+
 @pytest.mark.slow
 def test_ctrl_c_ends_the_run_with_its_record(tmp_path: Path, scenario: dict[str, Any]) -> None:
     script = (
