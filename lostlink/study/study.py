@@ -72,6 +72,10 @@ class Study:
     """
 
     def __init__(self, study: Path | Mapping[str, Any], out: Path, dirs: AutopilotDirs = NOT_SAID) -> None:
+        if not isinstance(study, Path | Mapping):
+            raise StudyError(
+                f"a study has to be its file, or the content of one as a mapping (got {study!r})"
+            )
         self.content = study_from(study) if isinstance(study, Mapping) else read_study(study)
         self.cases = cases_of(
             self.content, (Path() if isinstance(study, Mapping) else study.parent).resolve()

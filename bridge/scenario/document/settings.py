@@ -49,9 +49,18 @@ Overrides = Mapping[str, Any] | Sequence[Setting]
 
 
 def settings_of(overrides: Overrides) -> list[Setting]:
-    """Overrides as settings; mistakes in those given by key are reported as such, files seen from where we are."""
+    """Overrides as settings; mistakes in those given by key are reported as such, files seen from where we are.
+
+    Raises:
+        ScenarioError: a key is no text.
+    """
     if not isinstance(overrides, Mapping):
         return list(overrides)
+    for key in overrides:
+        if not isinstance(key, str):
+            raise ScenarioError(
+                f"override {key!r}: a key has to be a text, as radio.noise.noise_figure_db is"
+            )
     folder = Path.cwd()
     return [Setting(key, value, f"override {key}={value!r}", folder) for key, value in overrides.items()]
 

@@ -81,3 +81,7 @@ def test_mistakes_name_their_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         fly_study(study(tmp_path, 1, metrics=7), directory=tmp_path)
     with pytest.raises(StudyError, match=r"nowhere\.yaml: cannot be read"):
         fly_study(tmp_path / "nowhere.yaml")
+    no_studies: tuple[Any, ...] = ([], None, b"study.yaml")
+    for no_study in no_studies:
+        with pytest.raises(StudyError, match=r"has to be its file, or the content of one as a mapping \(got"):
+            fly_study(no_study)

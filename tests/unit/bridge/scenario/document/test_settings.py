@@ -196,6 +196,8 @@ def test_a_program_gives_values_by_key(tmp_path: Path) -> None:
     assert radio_of(it).config.max_range_m == 70
     with pytest.raises(ScenarioError, match=r"^override duration_s=-1: duration_s: has to be greater than 0"):
         read_scenario(file, {"duration_s": -1})
+    with pytest.raises(ScenarioError, match=r"^override 3: a key has to be a text"):
+        read_scenario(file, {3: 1})  # type: ignore[dict-item]
 
 
 def test_files_of_a_setting_are_seen_from_its_own_folder(tmp_path: Path) -> None:
