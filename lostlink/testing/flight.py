@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
+from bridge.fleet.course import Ending
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
 from bridge.record.tables.deliveries import DELIVERIES
@@ -243,8 +244,10 @@ class FleetFlight:
 
     async def end(self) -> RunResult:
         """Wait for its end; gives what came of it."""
-        await asyncio.to_thread(self._over.wait)
-        return self.result()
+        while True:
+            if self.is_over:
+                return self.result()
+            await asyncio.sleep(LOOK_S)  # in no thread: an event loop that is interrupted would wait for it
 
     def result(self) -> RunResult:
         """What came of it, once it is over; waits for that.
@@ -266,12 +269,11 @@ class FleetFlight:
         self._over.wait()
 
     def lines(self) -> Iterator[str]:
-        """Where its record is, how it ended and which expectations were not met, for people."""
-        if not self.is_over:
-            yield f"{self.path}: goes on"
-            return
-        yield f"{self.path}: {self._told()}"
+        """Where its record is, how it ended, which expectations were not met, seed and digest, for people."""
+        yield f"{self.path}: {self._told() if self.is_over else 'goes on'}"
         yield from (f"  {line}" for line in self._unmet())
+        yield "  " + ", ".join(f"{name} {value}" for name, value in self._identity())
+        yield from (f"  may not repeat: {why}" for why in self._may_not_repeat())
 
     def properties(self) -> Iterator[tuple[str, str]]:
         """Likewise by names, for reports that programs read."""
@@ -279,6 +281,17 @@ class FleetFlight:
         if self.is_over:
             yield "lostlink_ending", self._told()
             yield from (("lostlink_expectation", line) for line in self._unmet())
+            yield from ((f"lostlink_{name}", value) for name, value in self._identity())
+            yield from (("lostlink_may_not_repeat", why) for why in self._may_not_repeat())
+
+    def _identity(self) -> Iterator[tuple[str, str]]:
+        """What it was flown with and, unless it was ended at any time, what tells whether another was the same."""
+        yield "seed", str(self._flight.scenario.seed)
+        if self._summary is not None and self._summary["ending"] != Ending.INTERRUPTED:
+            yield "digest", str(self._summary["digest"])
+
+    def _may_not_repeat(self) -> list[str]:
+        return [] if self._summary is None else list(self._summary["may_not_repeat"])
 
     def _unmet(self) -> list[str]:
         """The expectations that were not met, with what was found."""

@@ -56,8 +56,8 @@ def pytest_runtest_makereport(
     if call.when == "teardown" and flights is not None:
         item.user_properties += flights.properties()
     report = (yield).get_result()
-    if report.failed and flights is not None:
-        report.sections.append(("flights", "\n".join(flights.lines())))
+    if report.failed and flights is not None and (lines := list(flights.lines())):
+        report.sections.append(("flights", "\n".join(lines)))
 
 
 @pytest.fixture

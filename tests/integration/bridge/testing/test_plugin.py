@@ -10,6 +10,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from lostlink import load_run
+
 EXAMPLE = Path(__file__).parents[4] / "examples" / "agents" / "test_turn_back.py"
 STILL = """
 import pytest
@@ -119,6 +121,7 @@ def test_a_test_that_fails_tells_where_its_flights_are_and_what_they_found(tmp_p
     near = "node 1 near 385 m N, 0 m E at the end"
     assert told[2].startswith(f"  FAILED: {near}: wanted within 1 m, found ")
     assert told[2].split()[-1] == "m"
+    assert told[3] == f"  seed 1, digest {load_run(run).digest}"
     assert re.search(r"= <RecordedLink 0 -> 1: main \d+ of \d+ delivered>\.delivery", done.stdout)
     assert f"= <FleetFlight {run.name}: duration; fail: 1 of 2" in done.stdout
     properties = [(each.get("name"), each.get("value")) for each in ElementTree.parse(junit).iter("property")]
@@ -126,5 +129,7 @@ def test_a_test_that_fails_tells_where_its_flights_are_and_what_they_found(tmp_p
         ("lostlink_run", str(run)),
         ("lostlink_ending", told[1].removeprefix(f"{run}: ")),
         ("lostlink_expectation", told[2].strip()),
+        ("lostlink_seed", "1"),
+        ("lostlink_digest", load_run(run).digest),
     ]
     assert properties == told_by_name
