@@ -186,10 +186,10 @@ class FleetFlight:
             await asyncio.sleep(LOOK_S)
 
     def check_begun(self) -> None:
-        """Of a flight that is over: see that it had a first tick.
+        """Of a flight that is over: see that a tick of it was recorded.
 
         Raises:
-            AssertionError: it had none; the text says why.
+            AssertionError: none was; the text says why.
         """
         if self.recorded_s() < 0.0:
             raise AssertionError(self._ended(math.inf))
@@ -301,7 +301,7 @@ class FleetFlight:
     def _ended(self, wanted_s: float) -> str:
         before = f", before {wanted_s} s" if math.isfinite(wanted_s) else ""
         if self.recorded_s() < 0.0:
-            return f"the flight ended before its first tick: {self._told()}"
+            return f"the flight ended before a tick of it was recorded: {self._told()}"
         return f"the flight ended at {self.recorded_s():.2f} s{before}: {self._told()}"
 
     def _told(self) -> str:

@@ -30,7 +30,7 @@ def test_a_port_that_is_taken_at_the_last_moment_is_why_a_flight_did_not_begin(
 
         monkeypatch.setattr(testing, "preflight", take)
         with pytest.raises(
-            AssertionError, match=r"ended before its first tick: failed; TCP port .* is in use"
+            AssertionError, match=r"before a tick of it was recorded: failed; TCP port .* is in use"
         ):
             Flights(tmp_path).fly("separation", duration_s=3.0)
 
