@@ -116,10 +116,7 @@ class StudyFile(Part):
         if not isinstance(value, Mapping):
             return value
         _refuse_seed(value)
-        return {
-            key: _by_label(key, choices) if isinstance(choices, list) else choices
-            for key, choices in ((key, _in_a_row(key, choices)) for key, choices in value.items())
-        }
+        return {key: _by_label(key, _in_a_row(key, choices)) for key, choices in value.items()}
 
     @field_validator("set")
     @classmethod
@@ -211,7 +208,14 @@ def _in_a_row(key: str, choices: Any) -> Any:
     return [int(each) if are_whole else float(each) for each in numbers]
 
 
-def _by_label(key: str, choices: list[Any]) -> dict[str, Any]:
+def _by_label(key: str, choices: Any) -> dict[str, Any]:
+    """The values of a list by their texts; of a mapping as they are."""
+    if isinstance(choices, Mapping):
+        return dict(choices)
+    if not isinstance(choices, list):
+        raise ValueError(
+            f"{key} has to be a list of values, {{from: 0.5, to: 3.0, count: 6}}, or values by label (got {choices!r})"
+        )
     found: dict[str, Any] = {}
     for choice in choices:
         if str(choice) in found or any(_are_one_number(choice, each) for each in found.values()):

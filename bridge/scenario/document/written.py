@@ -146,6 +146,6 @@ def written_at(value: Any, place: WrittenPlace) -> Written:
         value = str(value)
     if isinstance(value, dict):
         return Written({str(key): written_at(part, place) for key, part in value.items()}, place)
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         return Written([written_at(part, place) for part in value], place)
     return Written(value, place)

@@ -12,7 +12,7 @@ import pytest
 from lostlink.study.case_process import CasePlan
 from lostlink.study.cases import cases_of
 from lostlink.study.metrics import load, own
-from lostlink.study.model import Function, StudyError, read_study
+from lostlink.study.model import Function, StudyError, read_study, study_from
 from lostlink.study.table import _of_one_kind, write_table
 
 AGENT = "from bridge.agents.agent import Agent\n\n\nclass Mine(Agent):\n    pass\n"
@@ -233,6 +233,7 @@ def test_other_code_of_a_module_that_a_metric_imports_measures_anew(tmp_path):
         ("seeds: []\n", "seeds: .*at least one"),
         ("seeds: [1, 1]\n", "seeds: .*each once"),
         ("vary: {radio: []}\n", "radio has no values"),
+        ("vary: {radio.base_loss: 0.3}\n", "vary: radio.base_loss has to be a list of values, .*got 0.3"),
         ("metrics: flocking_nowhere.rules:f\n", "metrics: .*no module flocking_nowhere.rules"),
         ("metrics: mine.py\n", "metrics: has to be FILE.py:FUNCTION"),
         ("metrics: nothing.py:f\n", "nothing.py: no such file"),
@@ -270,6 +271,12 @@ def test_mistakes_name_the_file_and_the_key(tmp_path, text, says):
     with pytest.raises(StudyError, match=says) as caught:
         read_study(write(tmp_path, text))
     assert "study.yaml" in str(caught.value)
+
+
+def test_a_program_may_give_ranges():
+    content = {"schema": 1, "name": "mine", "scenario": "separation", "seeds": range(3)}
+    study = study_from(content | {"vary": {"duration_s": range(10, 30, 10)}})
+    assert (study.seeds, study.vary) == ((0, 1, 2), {"duration_s": {"10": 10, "20": 20}})
 
 
 @pytest.mark.parametrize(
