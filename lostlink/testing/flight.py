@@ -23,7 +23,7 @@ from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.flight import Flight, Silent, Watcher
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 from lostlink.flight.summary import expectation_lines
 from lostlink.reading.run import Run, load_run
@@ -31,6 +31,22 @@ from lostlink.testing.views import NS_PER_S, Columns, Place, RecordedLink, Recor
 
 LOOK_S = 0.1
 """How often the record is looked at while a test waits, wall time. It decides when a test goes on, and no answer."""
+
+
+WARNINGS = 10
+"""So many warnings of a flight are told."""
+
+
+class Warned(Silent):
+    """A watcher that keeps what a flight warns of while it goes on, the first few."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def on_warning(self, text: str) -> None:
+        """Keep it."""
+        if len(self.texts) < WARNINGS:
+            self.texts.append(text)
 
 
 class UaOfFlight(RecordedNode):
@@ -88,8 +104,8 @@ class FleetFlight:
     """A flight that a test has started. Its answers come from the record, and so are the same for the same flight.
 
     Args:
-        place: gives the flight at free ports, and what holds these; called again if it cannot start there, since
-            somebody took one of them.
+        place: gives the flight at free ports, watched, and what holds these; called again if it cannot start there,
+            since somebody took one of them.
         dirs: where real autopilots are, as far as that was said.
 
     Attributes:
@@ -97,10 +113,10 @@ class FleetFlight:
             the flight happened to be.
     """
 
-    def __init__(self, place: Callable[[], tuple[Flight, ExitStack]], dirs: AutopilotDirs) -> None:
+    def __init__(self, place: Callable[[Watcher], tuple[Flight, ExitStack]], dirs: AutopilotDirs) -> None:
         self.end_s = 0.0
-        self._place = place
-        self._flight, self._held = place()
+        self._place, self._warned = place, Warned()
+        self._flight, self._held = place(self._warned)
         self._is_stopped = False
         self._summary: dict[str, Any] | None = None
         self._error: BaseException | None = None
@@ -129,7 +145,7 @@ class FleetFlight:
     def _move(self) -> None:
         """Be elsewhere, in place of a flight that could not start."""
         shutil.rmtree(self.path)
-        self._flight, self._held = self._place()
+        self._flight, self._held = self._place(self._warned)
         if self._is_stopped:
             self._flight.interrupt()
 
@@ -269,9 +285,10 @@ class FleetFlight:
         self._over.wait()
 
     def lines(self) -> Iterator[str]:
-        """Where its record is, how it ended, which expectations were not met, seed and digest, for people."""
+        """Where its record is, how it ended, what it does not meet and warned of, seed and digest, for people."""
         yield f"{self.path}: {self._told() if self.is_over else 'goes on'}"
         yield from (f"  {line}" for line in self._unmet())
+        yield from (f"  warning: {text}" for text in self._warnings())
         yield "  " + ", ".join(f"{name} {value}" for name, value in self._identity())
         yield from (f"  may not repeat: {why}" for why in self._may_not_repeat())
 
@@ -281,6 +298,7 @@ class FleetFlight:
         if self.is_over:
             yield "lostlink_ending", self._told()
             yield from (("lostlink_expectation", line) for line in self._unmet())
+            yield from (("lostlink_warning", text) for text in self._warnings())
             yield from ((f"lostlink_{name}", value) for name, value in self._identity())
             yield from (("lostlink_may_not_repeat", why) for why in self._may_not_repeat())
 
@@ -289,6 +307,11 @@ class FleetFlight:
         yield "seed", str(self._flight.scenario.seed)
         if self._summary is not None and self._summary["ending"] != Ending.INTERRUPTED:
             yield "digest", str(self._summary["digest"])
+
+    def _warnings(self) -> list[str]:
+        """What it warned of, as while it goes on: an agent that holds it up, say."""
+        told = [] if self._summary is None else self._summary["warnings"]
+        return list(dict.fromkeys((*self._warned.texts, *told[:WARNINGS])))
 
     def _may_not_repeat(self) -> list[str]:
         return [] if self._summary is None else list(self._summary["may_not_repeat"])
@@ -381,13 +404,13 @@ class Flights:
             flight.stop()
         return flight
 
-    def _placed(self, scenario: Scenario) -> tuple[Flight, ExitStack]:
-        """A flight at free ports, and what holds these."""
+    def _placed(self, scenario: Scenario, watcher: Watcher) -> tuple[Flight, ExitStack]:
+        """A flight at free ports, watched, and what holds these."""
         with ExitStack() as held:
             placed = held.enter_context(at_free_ports(scenario))
             preflight(placed, self._dirs)
             run = RunDirectory.create(self._directory, placed.name)
-            return Flight(placed, run, Silent()), held.pop_all()
+            return Flight(placed, run, watcher), held.pop_all()
 
     def lines(self) -> Iterator[str]:
         """Of each flight, in their order, as `FleetFlight.lines` has it."""

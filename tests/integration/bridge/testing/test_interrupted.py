@@ -1,4 +1,4 @@
-"""A test that is interrupted while it waits for a flight's end does not wait for it."""
+"""A test that is interrupted while a flight goes on waits no longer, and its report has what the flight warned of."""
 
 from __future__ import annotations
 
@@ -9,6 +9,15 @@ import pytest
 
 from lostlink.testing.flight import Flights
 from tests.unit.lostlink.replay.flown import scenario_of
+
+HASTY = """from lostlink import Agent
+
+
+class Hasty(Agent):
+    async def fly(self):
+        self.sleep(1.0)
+        await self.sleep(60.0)
+"""
 
 
 def test_an_event_loop_that_waits_for_a_flight_can_be_left(tmp_path: Path) -> None:
@@ -27,3 +36,21 @@ def test_an_event_loop_that_waits_for_a_flight_can_be_left(tmp_path: Path) -> No
     flights.stop()
     assert flight.is_over
     assert list(flight.lines())[-1] == "  seed 1"
+
+
+async def test_what_a_flight_warns_of_is_told_while_it_goes_on(tmp_path: Path) -> None:
+    """The report of a test whose time is up is made before its flight is ended."""
+    (tmp_path / "hasty.py").write_text(HASTY, encoding="utf-8")
+    changes = {
+        "nodes.0.agent": {"type": "own", "class": str(tmp_path / "hasty.py:Hasty")},
+        "speed": 1.0,
+        "mcap.write": False,
+    }
+    flights = Flights(tmp_path / "runs")
+    flight = await flights(scenario_of("moon2020", ("0", "1")), duration_s=60.0, changes=changes)
+    await flight.at(0.5)
+    ending, *told = flight.lines()
+    flights.stop()
+    assert ending.endswith("goes on")
+    assert told[0].startswith("  warning: the agent of UA 0: coroutine")
+    assert any(name == "lostlink_warning" for name, _ in flight.properties())
