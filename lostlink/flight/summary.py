@@ -18,6 +18,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
 from lostlink.expectations.judge import Judgement, judge
+from lostlink.flight.crashes import crashes
 from lostlink.flight.full_modems import full_modems
 from lostlink.flight.parameters import unknown_parameters
 from lostlink.flight.under_ground import under_ground
@@ -148,7 +149,7 @@ def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[s
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
     told += [event.text for event in reports.events if event.kind == PROCESS_LEFT]
-    flown = (*unknown_parameters(scenario, run), *under_ground(scenario, run))
+    flown = (*unknown_parameters(scenario, run), *under_ground(scenario, run), *crashes(scenario, run))
     return [*told, *full_modems(scenario, reports), *flown]
 
 

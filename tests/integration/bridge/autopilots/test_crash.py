@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
 from bridge.record.tables.truth import TRUTH, VELOCITY
+from fdm.model.airframe import AIRFRAMES_DIR
 from tests.integration.bridge.conftest import STILL, StartRun
 
 GRAVITY = 9.81
@@ -48,3 +50,27 @@ def test_a_copter_that_is_disarmed_at_15_m_comes_to_rest(
     assert speeds[-1] < 0.05
     assert heights[-1] < 0.5
     assert "let go" not in run.output.decode()
+    [warning] = run.summary["warnings"]
+    hit = re.fullmatch(r"hit the ground: UA 0 at ([0-9.]+) m/s, at [0-9.]+ s: .*", warning)
+    assert hit, warning
+    assert float(hit[1]) == pytest.approx(fastest, abs=0.6)
+
+
+def test_a_ua_that_hit_the_ground_is_told_of(start_run: StartRun, tmp_path: Path) -> None:
+    """It begins 5 m up, its motors off: sqrt(2 g h) is 9.9 m/s, and a tick earlier up to 0.5 m/s less."""
+    airframe = (AIRFRAMES_DIR / "f450.yaml").read_text(encoding="utf-8")
+    for old, new in (
+        ("root: jsbsim", f"root: {AIRFRAMES_DIR / 'jsbsim'}"),
+        ("height_above_ground_m: 0.1524", "height_above_ground_m: 5.0"),
+        ("settle_s: 3.0", "settle_s: 0.0"),
+    ):
+        assert old in airframe
+        airframe = airframe.replace(old, new)
+    (tmp_path / "high.yaml").write_text(airframe, encoding="utf-8")
+    own = f"airframe: {tmp_path}/high.yaml, agent: {{{{type: still}}}}"
+    run = start_run(scenario=STILL.replace("agent: {{type: still}}", own, 1), duration_s=3.0)
+    assert run.finish() == 0, run.output.decode()
+    [warning] = run.summary["warnings"]
+    hit = re.fullmatch(r"hit the ground: UA 0 at ([0-9.]+) m/s, at 1[0-9.]* s: .*", warning)
+    assert hit, warning
+    assert 9.0 < float(hit[1]) < 9.9
