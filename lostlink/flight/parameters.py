@@ -1,4 +1,4 @@
-"""Parameters of a scenario that an autopilot lacks: PX4 prints them, ArduPilot logs those that it has."""
+"""Parameters of scenario or airframe that an autopilot lacks: PX4 prints them, ArduPilot logs those that it has."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def unknown_parameters(scenario: Scenario, run: RunDirectory) -> Iterator[str]:
         by_kind[scenario.autopilot_of(ua), airframe_of(ua).vehicle] |= names
     nowhere = set(scenario.parameters).intersection(*by_kind.values())
     for ua, names in zip(takers, lacking, strict=True):
-        missing = sorted(names & (nowhere | ua.parameters.keys()))
+        missing = sorted(names & (nowhere | _own(scenario, ua)))
         if missing:
             yield f"UA {ua.id}: " + _TOLD[scenario.autopilot_of(ua)].format(", ".join(missing))
 
 
 def _lacking(scenario: Scenario, run: RunDirectory, ua: Aircraft) -> set[str]:
     """Of the parameters that it was given; none where no log says so."""
-    names = scenario.parameters.keys() | ua.parameters.keys()
+    names = scenario.parameters.keys() | _own(scenario, ua)
     if not names:
         return set()
     try:
@@ -51,6 +51,15 @@ def _lacking(scenario: Scenario, run: RunDirectory, ua: Aircraft) -> set[str]:
         return names - _listed(run.path / logs[0]) if logs else set()
     except (OSError, DataflashError, _CutOff):  # removed, or the run was over before it was written
         return set()
+
+
+def _own(scenario: Scenario, ua: Aircraft) -> set[str]:
+    """Names of parameters that are meant for this one's autopilot: its own, and those of its airframe."""
+    airframe = airframe_of(ua)
+    of_airframe = airframe.ardupilot_parameters
+    if scenario.autopilot_of(ua) == "px4":
+        of_airframe = airframe.px4.parameters if airframe.px4 else {}
+    return ua.parameters.keys() | of_airframe.keys()
 
 
 class _CutOff(ValueError):

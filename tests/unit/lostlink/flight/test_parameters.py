@@ -10,6 +10,7 @@ import pytest
 
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
+from fdm.model.airframe import AIRFRAMES_DIR, load_airframe
 from lostlink.flight.parameters import unknown_parameters
 
 LOG = """\
@@ -45,6 +46,9 @@ def test_names_that_px4_does_not_have_are_told_unless_they_may_be_meant_for_ardu
     assert list(unknown_parameters(scenario, run)) == expected
 
 
+OF_AIRFRAMES = [
+    name for airframe in ("aerosonde", "f450") for name in load_airframe(airframe).ardupilot_parameters
+]
 SWITCHED_OFF = "; this version has none, or its group is switched off"
 
 
@@ -57,7 +61,7 @@ def dataflash(names: list[str], *, is_whole: bool = True) -> bytes:
     out = described(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
     out += described(64, 35, b"PARM", b"QNff", b"TimeUS,Name,Value,Default")
     out += described(65, 11, b"VER", b"Q", b"TimeUS")
-    for name in names:
+    for name in [*names, *OF_AIRFRAMES]:
         out += b"\xa3\x95\x40" + struct.pack("<Q16sff", 1_930_072, name.encode(), 1.0, 0.0)
     return out + (b"\xa3\x95\x41" + struct.pack("<Q", 1_930_072) if is_whole else b"")
 
@@ -99,3 +103,21 @@ def test_a_log_without_all_parameters_says_nothing(tmp_path: Path, log: bytes) -
 
 def test_where_there_is_no_log_nothing_is_told(tmp_path: Path) -> None:
     assert lines(flown(tmp_path, {}), {"SYSID_MYGCS": 255}) == []
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_names_that_an_airframe_has_and_its_autopilot_lacks_are_told(tmp_path: Path, autopilot: str) -> None:
+    """A slip in an airframe of one's own, or another version of the autopilot: the UA would fly with its default."""
+    run = flown(tmp_path, {1: dataflash(["WPNAV_SPEED"])})
+    run.log_path("autopilot-1").parent.mkdir(exist_ok=True)
+    run.log_path("autopilot-1").write_text(LOG)
+    text = (AIRFRAMES_DIR / "f450.yaml").read_text(encoding="utf-8")
+    text = text.replace("root: jsbsim", f"root: {AIRFRAMES_DIR / 'jsbsim'}")
+    slips = {"ardupilot": ("FRAME_CLASS:", "FRAME_CLAS:"), "px4": ("MPC_THR_HOVER:", "WPNAV_SPEED:")}
+    (tmp_path / "own.yaml").write_text(text.replace(*slips[autopilot]), encoding="utf-8")
+    changes = {"autopilot": autopilot, "nodes.1.airframe": str(tmp_path / "own.yaml")}
+    told = {
+        "ardupilot": f"UA 1: its ArduPilot lists no parameter FRAME_CLAS{SWITCHED_OFF}",
+        "px4": f"{OF_UA_1}WPNAV_SPEED; nothing was set",
+    }
+    assert list(unknown_parameters(read_scenario("separation", changes), run)) == [told[autopilot]]
