@@ -65,6 +65,9 @@ class VehicleState:
     system_status: str = ""
     """MAV_STATE label: BOOT, STANDBY, ACTIVE, CRITICAL, ..."""
     landed_state: LandedState = "undefined"
+    vtol: bool = False
+    """It takes off and lands upright (EXTENDED_SYS_STATE). ArduPlane's QuadPlane calls itself a fixed wing in its
+    heartbeat, unless Q_MAV_TYPE says otherwise."""
     heartbeat_age_s: float = math.inf
     """Seconds of the daemon's clock (wall time, or sim time in held mode) since the autopilot's last heartbeat."""
     link_open: bool = True
@@ -170,6 +173,7 @@ _SOURCES: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
     "position_ok": ((193, 230),),
     **dict.fromkeys(("home_lat_deg", "home_lon_deg", "home_alt_amsl_m"), ((242,),)),
     "landed_state": ((245,),),
+    "vtol": ((245,),),
     "time_boot_ms": ((2, 30, 32, 33),),
     "flight_time_s": ((2, 30, 32, 33),),
 }

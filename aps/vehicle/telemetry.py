@@ -296,7 +296,7 @@ class Telemetry:
 
     def _extended_sys_state(self, fields: tuple[Any, ...]) -> None:
         landed = _LANDED[fields[1]] if fields[1] < len(_LANDED) else "undefined"
-        self._values["landed_state"] = landed
+        self._values["landed_state"], self._values["vtol"] = landed, bool(fields[0])
         if landed != "undefined":
             self._landed_known = True
             self._set_airborne(landed != "on_ground" and self._values.get("armed", False))

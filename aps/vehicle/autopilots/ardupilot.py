@@ -29,6 +29,8 @@ __all__ = ["ArduPilotStack"]
 
 STICK_MODES: Final = frozenset({"ALT_HOLD", "CIRCLE", "FLOWHOLD", "LOITER", "POSHOLD", "SPORT", "ZIGZAG"})
 """ArduCopter's modes in which the throttle stick gives the climb rate: none in the middle, full sinking at zero."""
+VTOL_STICK_MODES: Final = frozenset({"QHOVER", "QLOITER"})
+"""The same of ArduPlane's."""
 FRAMES: Final = {
     "relative": int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT),
     "amsl": int(mavlink.MAV_FRAME_GLOBAL),
@@ -112,7 +114,9 @@ class ArduPilotStack:
         return set_mode(state, modes[mode])
 
     def stick_mode(self, state: VehicleState, mode: str) -> str:
-        """Some of ArduCopter's."""
+        """Some of ArduCopter's, and those of a QuadPlane that hold a height."""
+        if is_plane(state.vehicle_type):
+            return mode if mode in VTOL_STICK_MODES else ""
         return mode if mode in STICK_MODES and is_copter(state.vehicle_type) else ""
 
     def last_item(self, total: int, mission_state: int) -> int:
@@ -188,8 +192,9 @@ class ArduPilotStack:
         return Manoeuvre((self.mode_step(state, "GUIDED"), reposition), ("GUIDED",))
 
     def rtl(self, state: VehicleState) -> Manoeuvre:
-        """RTL."""
-        return Manoeuvre((self.mode_step(state, "RTL"),), ("RTL",))
+        """RTL; a QuadPlane's goes on to QRTL with some values of Q_RTL_MODE."""
+        modes = ("RTL", "QRTL") if is_plane(state.vehicle_type) else ("RTL",)
+        return Manoeuvre((self.mode_step(state, "RTL"),), modes)
 
     def land(self, state: VehicleState) -> Manoeuvre:
         """A copter where it is (LAND), VTOL likewise (QLAND), a fixed wing by AUTOLAND."""
@@ -201,7 +206,7 @@ class ArduPilotStack:
     def mission(self, state: VehicleState) -> Manoeuvre:
         """AUTO, and MISSION_START. An ArduPlane's last item that returns is the mode RTL, a copter's a part of AUTO."""
         start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
-        last = ("RTL",) if is_fixed_wing(state) else ()
+        last = ("RTL",) if is_plane(state.vehicle_type) else ()
         return Manoeuvre(
             (self.mode_step(state, "AUTO"), start), ("AUTO",), last_modes=last, return_modes=last
         )

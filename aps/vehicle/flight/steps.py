@@ -96,7 +96,7 @@ def optional(step: Step) -> Step:
 
 def is_fixed_wing(state: VehicleState) -> bool:
     """Whether it flies on wings alone (VTOL take off and land as copters do)."""
-    return state.vehicle_type == int(mavlink.MAV_TYPE_FIXED_WING)
+    return state.vehicle_type == int(mavlink.MAV_TYPE_FIXED_WING) and not state.vtol
 
 
 def checked(name: str, value: float, low: float, high: float) -> float:

@@ -10,10 +10,11 @@ from aps.vehicle.autopilots.autopilot import Manoeuvre
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.vehicle.commands.plan import CommandPlan, Step
 from aps.vehicle.flight.returning import Returning
-from aps.vehicle.flight.steps import checked, finite_or_none, is_fixed_wing
+from aps.vehicle.flight.steps import checked, finite_or_none
 from aps.vehicle.missions.items import KINDS, first_seq
 from aps.vehicle.missions.reached import ReachedItems, reached_since
 from aps.vehicle.state import VehicleState
+from aps.wire.dialect import is_plane
 
 __all__ = ["fly", "set_current"]
 
@@ -112,7 +113,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         may_leave=lambda now: now.mode in way.last_modes and end.is_at_last(now),
         leave_grace_ms=LAST_ITEM_GRACE_MS if way.last_modes else 0,
         needs_armed=True,
-        launches=is_fixed_wing(state),
+        launches=is_plane(state.vehicle_type),
         refusal_hint="" if state.mission_total else "the autopilot has no mission",
         position=lambda now: (
             max(0, now.mission_current),

@@ -178,6 +178,11 @@ def test_nonsense_latitude_is_counted_and_dropped(feed):
     assert feed.telemetry.decode_errors == 1
 
 
+def test_a_quadplane_says_so_beside_its_heartbeat(feed):
+    assert not feed(mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, 1)).vtol
+    assert feed(mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_FW, 2)).vtol
+
+
 def clock(ms):
     return mavlink.MAVLink_system_time_message(0, ms)
 

@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.commands.command_execution import CommandExecution
 from aps.vehicle.flight import plans, targets
+from aps.vehicle.missions.fly import fly
 from aps.vehicle.telemetry import VehicleState
 
 COPTER = VehicleState(
@@ -19,6 +20,8 @@ COPTER = VehicleState(
 )
 PLANE = replace(COPTER, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
 VTOL = replace(COPTER, vehicle_type=20)
+QUADPLANE = replace(PLANE, vtol=True)
+"""As ArduPlane comes with Q_ENABLE: a fixed wing by its heartbeat."""
 
 
 def first_messages(plan):
@@ -67,10 +70,34 @@ def test_fixed_wing_takes_off_in_its_own_mode():
     assert sent.get_type() == "COMMAND_LONG"
 
 
-def test_vtol_takes_off_in_guided_and_lands_in_qland():
-    assert [message.command for message in first_messages(plans.takeoff(VTOL, 30.0))] == [176, 22]
-    (land,) = first_messages(plans.land(VTOL))
+@pytest.mark.parametrize("vtol", [VTOL, QUADPLANE])
+def test_vtol_takes_off_in_guided_and_lands_in_qland(vtol):
+    assert [message.command for message in first_messages(plans.takeoff(vtol, 30.0))] == [176, 22]
+    (land,) = first_messages(plans.land(vtol))
     assert land.param2 == 20
+
+
+@pytest.mark.parametrize("vtol", [VTOL, QUADPLANE])
+def test_a_quadplane_has_returned_when_it_circles_and_may_go_on_to_qrtl(vtol):
+    plan = plans.rtl(replace(vtol, home_lat_deg=47.0, home_lon_deg=8.0))
+    assert plan.modes == ("RTL", "QRTL")
+    flying = replace(vtol, mode="RTL", home_lat_deg=47.0, home_lon_deg=8.0, landed_state="in_air")
+    assert plan.reached(replace(flying, lat_deg=47.0013))
+    assert not plan.reached(replace(flying, lat_deg=47.0020))
+    assert fly(vtol).launches
+
+
+@pytest.mark.parametrize(
+    ("state", "mode", "held"),
+    [
+        (QUADPLANE, "QHOVER", "QHOVER"),
+        (VTOL, "QLOITER", "QLOITER"),
+        (PLANE, "LOITER", ""),
+        (COPTER, "LOITER", "LOITER"),
+    ],
+)
+def test_the_stick_is_held_where_it_gives_the_climb_rate(state, mode, held):
+    assert plans.set_mode(state, mode).stick_mode == held
 
 
 def test_fixed_wing_is_there_when_it_circles():
