@@ -29,6 +29,8 @@ SLUG_KG = 14.59390294
 PSF_PA = 47.88025898
 RANKINE_K = 5.0 / 9.0
 SETTLE_RATE_HZ = 400.0
+DEPTH_MAX_M = 0.1
+"""Of the centre of gravity below the ground, of what lies on its belly."""
 
 _log = logging.getLogger(__name__)
 
@@ -270,6 +272,12 @@ class JsbsimModel:
             raise AirframeError(
                 f"airframe {self._airframe.name}: JSBSim model {self._airframe.jsbsim.model} left the finite numbers "
                 "as it settled at its home: see its inertia and ground contacts"
+            )
+        depth_m = -model["position/h-agl-ft"] * FOOT_M
+        if depth_m > DEPTH_MAX_M:
+            raise AirframeError(
+                f"airframe {self._airframe.name}: JSBSim model {self._airframe.jsbsim.model} sank {depth_m:.1f} m into "
+                "the ground as it settled at its home: see its mass, and its ground contacts and their springs"
             )
 
 

@@ -255,9 +255,10 @@ def test_a_model_that_throws_in_flight_ends_and_the_process_goes_on(tmp_path):
         ("1.4 </emptywt>", "0 </emptywt>", r"mine\.xml: the mass is 0 kg"),
         ("1.4 </emptywt>", "-1.4 </emptywt>", r"mine\.xml: the mass is -1\.4 kg"),
         ("0.0190", "0", "model mine left the finite numbers as it settled"),
+        ("1.4 </emptywt>", "1400 </emptywt>", r"mine sank 0\.[0-9] m into the ground .* see its mass"),
     ],
 )
-def test_a_model_without_mass_or_inertia_is_an_airframe_error(tmp_path, old, new, says):
+def test_a_model_with_a_wrong_mass_or_inertia_is_an_airframe_error(tmp_path, old, new, says):
     with pytest.raises(AirframeError, match=says):
         JsbsimModel(with_model(tmp_path, old, new), HOME)
 
