@@ -17,6 +17,7 @@ from bridge.run.json_object import read_object, write_object
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
+from fdm.clock.events import EventKind
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.crashes import crashes
 from lostlink.flight.full_modems import full_modems
@@ -149,6 +150,11 @@ def _warnings(scenario: Scenario, run: RunDirectory, reports: Reports) -> list[s
         if event.kind in WHOSE and event.kind != AGENT_BLOCKED
     ]
     told += [event.text for event in reports.events if event.kind == PROCESS_LEFT]
+    told += [
+        f"{scenario.title(event.node)}: its flight model diverged at {event.sim_time_ns / NS_PER_S:g} s: {event.text}"
+        for event in reports.events
+        if event.kind == EventKind.DIVERGED.value
+    ]
     flown = (*unknown_parameters(scenario, run), *under_ground(scenario, run), *crashes(scenario, run))
     return [*told, *full_modems(scenario, reports), *flown]
 

@@ -576,6 +576,8 @@ def test_a_run_whose_last_ua_leaves_its_wind_map_ends_at_once_and_says_so(
         r"no UA is left: UA 1: no wind: .*shear.nc: altitude \S+ is outside the map", run.output.decode()
     )
     assert [event["node"] for event in run.summary["events"] if event["kind"] == "diverged"] == ["0", "1"]
+    for node, warning in zip("01", run.summary["warnings"], strict=True):
+        assert warning.startswith(f"UA {node}: its flight model diverged at 0 s: no wind: ")
     assert (run.summary["ending"], run.summary["sim_duration_s"]) == ("failed", 0.0)
     assert run.summary["wall_duration_s"] < 30.0
 
@@ -593,6 +595,8 @@ def test_one_whose_flight_model_diverges_is_told_and_the_others_fly_on(
     assert told in run.output.decode()
     assert "diverged" in (run.directory / "logs" / "fleet.log").read_text()
     assert [event["node"] for event in run.summary["events"] if event["kind"] == "diverged"] == ["1"]
+    [warning] = run.summary["warnings"]
+    assert warning.startswith("UA 1: its flight model diverged at ")
     assert (run.summary["ending"], run.summary["sim_duration_s"]) == ("duration", 4.0)
     assert assert_tables_are_whole(run) == 81
 
