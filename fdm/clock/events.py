@@ -26,6 +26,8 @@ class EventKind(Enum):
     """The autopilot takes frames and answers none; it is served on."""
     REFUSED = "refused"
     """The autopilot cannot be flown in lockstep; its connection is served no more."""
+    REPLACED = "replaced"
+    """Another autopilot took the place of one that still sends to the UA's port; it is served on."""
     DIVERGED = "diverged"
     """The flight model left the plausible range; the UA is out until its autopilot boots anew."""
 

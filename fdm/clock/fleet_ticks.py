@@ -45,10 +45,10 @@ class FleetTicks:
 
     def happened(self, event: UaEvent) -> None:
         """Take note of what happened to a UA."""
-        self._live[event.ua_id] = _LIVE_AFTER[event.kind]
+        live = self._live[event.ua_id] = _LIVE_AFTER.get(event.kind, self._live[event.ua_id])
         if event.kind is EventKind.DIVERGED:
             self._ended.add(event.ua_id)
-        elif _LIVE_AFTER[event.kind]:
+        elif live:
             self._ended.discard(event.ua_id)
         if event.kind is EventKind.RESTARTED:
             self._restarts[event.ua_id] += 1

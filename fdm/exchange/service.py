@@ -34,6 +34,9 @@ _PX4_TROUBLE = {
     EventKind.REFUSED: "its PX4 is not in lockstep (built without it, or for hardware in the loop): its connection "
     "is served no more",
 }
+_TWO_AUTOPILOTS = (
+    "two autopilots send to its port: the one that came last is flown, the one before is not answered"
+)
 _log = logging.getLogger(__name__)
 
 
@@ -143,6 +146,9 @@ class Service:
             self._boot(seat, verdict)
         elif verdict is ServoVerdict.RESEND:
             seat.send(seat.aircraft.lockstep.reply)
+        elif verdict is ServoVerdict.REPLACED:
+            if seat.aircraft.counters()[verdict.value] == 1:
+                self._tell(EventKind.REPLACED, seat.member, _TWO_AUTOPILOTS)
         elif (
             verdict is ServoVerdict.WAITING
             and not seat.member.ended

@@ -13,6 +13,9 @@ one sent again.
     a little below         STALE: reordered on the way                RESTART
     far below              RESTART: the autopilot has booted anew     RESTART
     0, if not last + 1     RESTART; STALE after 1                     RESTART
+
+Two autopilots on one port would take the UA from each other with every packet. So the one whose place another has
+taken is not heard, as long as that one is answered: SITL, started beside another, begins at 0, and the later one flies.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ from fdm.wire.servo_packet import FRAME_COUNT_MODULUS
 
 RESEND_SILENCE_NS = 1_000_000_000
 """Wall time after a reply from which a repeated packet means that the reply was lost."""
+REPLACED_SILENCE_NS = 3_000_000_000
+"""Wall time after the latest answer, or the take-over, from which the autopilot of before is heard again."""
 REORDER_SPAN = 16
 """A frame_count this little below the last one, from the same sender, is a late datagram, not a boot."""
 _HALF = FRAME_COUNT_MODULUS // 2
@@ -49,6 +54,8 @@ class ServoVerdict(Enum):
     """Repeat of an answered frame after silence: send the cached reply."""
     STALE = "stale"
     """A late datagram: nothing to do."""
+    REPLACED = "from_the_one_replaced"
+    """Of the autopilot whose place another one has taken, which is there: nothing to do."""
 
 
 STEPPING = frozenset({ServoVerdict.BOOT, ServoVerdict.RESTART, ServoVerdict.ADVANCE, ServoVerdict.GAP})
@@ -59,20 +66,22 @@ class Lockstep:
     """The lockstep of one UA.
 
     Attributes:
-        sender: source address of the latest packet that was not stale; replies go there. None before the
+        sender: source address of the latest packet that was heard and not stale; replies go there. None before the
             first.
+        replaced: the sender before that one; None if there was none.
         reply: the latest reply, as encoded, for RESEND; empty before the first.
         unread: answers that the autopilot has not shown to have read; each new packet shows that it read one. With
             none left it is blocked, and all that it had to say before its latest packet is said.
     """
 
-    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "reply", "sender", "unread")
+    __slots__ = ("_answered", "_answered_at_ns", "_frame_count", "replaced", "reply", "sender", "unread")
 
     def __init__(self) -> None:
         self._frame_count = -1
         self._answered = -1
         self._answered_at_ns = 0
         self.sender: Any = None
+        self.replaced: Any = None
         self.reply: Any = b""
         self.unread = 0
 
@@ -110,22 +119,25 @@ class Lockstep:
 
     def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> ServoVerdict:
         if self._frame_count < 0:
-            return self._take(frame_count, sender, ServoVerdict.BOOT)
+            return self._take(frame_count, sender, wall_ns, ServoVerdict.BOOT)
+        was_replaced = sender == self.replaced and sender != self.sender
+        if was_replaced and wall_ns - self._answered_at_ns < REPLACED_SILENCE_NS:
+            return ServoVerdict.REPLACED
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
         if 0 < ahead < _HALF and (frame_count or ahead == 1):
             unread = max(0, self.unread - ahead)
             verdict = self._take(
-                frame_count, sender, ServoVerdict.ADVANCE if ahead == 1 else ServoVerdict.GAP
+                frame_count, sender, wall_ns, ServoVerdict.ADVANCE if ahead == 1 else ServoVerdict.GAP
             )
             self.unread = unread
             return verdict
         if sender != self.sender:
-            return self._take(frame_count, sender, ServoVerdict.RESTART)
+            return self._take(frame_count, sender, wall_ns, ServoVerdict.RESTART)
         if ahead == 0:
             return self._judge_repeat(wall_ns)
         if FRAME_COUNT_MODULUS - ahead <= REORDER_SPAN and (frame_count or self._frame_count == 1):
             return ServoVerdict.STALE
-        return self._take(frame_count, sender, ServoVerdict.RESTART)
+        return self._take(frame_count, sender, wall_ns, ServoVerdict.RESTART)
 
     def _judge_repeat(self, wall_ns: int) -> ServoVerdict:
         if self.waiting:
@@ -137,10 +149,11 @@ class Lockstep:
         self._answered_at_ns = wall_ns
         return ServoVerdict.RESEND
 
-    def _take(self, frame_count: int, sender: object, verdict: ServoVerdict) -> ServoVerdict:
+    def _take(self, frame_count: int, sender: object, wall_ns: int, verdict: ServoVerdict) -> ServoVerdict:
         self._frame_count = frame_count
         self._answered = -1
-        self.sender = sender
+        if sender != self.sender:
+            self.replaced, self.sender, self._answered_at_ns = self.sender, sender, wall_ns
         self.unread = 0
         return verdict
 

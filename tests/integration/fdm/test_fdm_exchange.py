@@ -517,6 +517,21 @@ def test_an_autopilot_that_boots_anew_starts_from_zero_at_home(start_any):
     assert {t.sim_time_ns for t in restarted} == {450_000_000, 500_000_000}
 
 
+def test_of_two_autopilots_at_one_port_the_later_one_flies_and_it_is_told(start_any):
+    running = start_any(ids=(0,))
+    first = running.clients[0]
+    for _ in range(50):
+        first.exchange()
+    second = running.clients[1] = Client(running.exchange.ports[0])  # closed with the others
+    for number in range(1, 21):
+        assert second.exchange().timestamp_s == pytest.approx(number / 400)
+        first.send()
+    assert first.silent()
+    running.wait_for(lambda: running.events[-1].kind is EventKind.REPLACED)
+    kinds = [event.kind for event in running.events]
+    assert kinds == [EventKind.JOINED, EventKind.RESTARTED, EventKind.REPLACED]
+
+
 def test_a_mute_autopilot_is_let_go_and_taken_back(start_any):
     running = start_any(ids=(0, 1), stall_timeout_s=1.0)
     fly_together(running, 10)

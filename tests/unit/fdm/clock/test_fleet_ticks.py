@@ -1,5 +1,7 @@
 from types import SimpleNamespace
 
+import pytest
+
 from fdm.clock.events import EventKind, UaEvent
 from fdm.clock.fleet_ticks import FleetTicks
 
@@ -80,3 +82,13 @@ def test_the_status_follows_the_events():
     status = ticks.status(50 * MS, 7 + 25 * MS, 2.0, paused=False)
     assert (status.stalled_ua, status.ended_ua, status.restarts[2]) == ((3,), (), 2)
     assert status.real_time_factor == 2.0
+
+
+@pytest.mark.parametrize("kind", [EventKind.SILENT, EventKind.REFUSED, EventKind.REPLACED])
+@pytest.mark.parametrize("before", [EventKind.JOINED, EventKind.STALLED])
+def test_what_a_ua_is_served_on_in_spite_of_does_not_change_the_status(kind, before):
+    ticks = FleetTicks([[0]], 50 * MS)
+    ticks.happened(UaEvent(before, 0, 0))
+    status = ticks.status(0, 0, 1.0, paused=False)
+    ticks.happened(UaEvent(kind, 0, 0))
+    assert ticks.status(0, 0, 1.0, paused=False).stalled_ua == status.stalled_ua

@@ -1,6 +1,6 @@
 import pytest
 
-from fdm.wire.lockstep import RESEND_SILENCE_NS, FrameTimer, Lockstep, ServoVerdict
+from fdm.wire.lockstep import REPLACED_SILENCE_NS, RESEND_SILENCE_NS, FrameTimer, Lockstep, ServoVerdict
 
 A, B = ("127.0.0.1", 40000), ("127.0.0.1", 40001)
 
@@ -122,3 +122,25 @@ def test_a_change_of_rate_goes_on_from_the_present_time():
     assert timer.time_ns == 2_500_000
     assert timer.advance(400) == 5_000_000
     assert timer.advance(400) == 7_500_000
+
+
+def test_of_two_autopilots_on_one_port_the_later_one_is_heard_while_it_is_answered():
+    """A is far ahead when B boots, and goes on sending: packets, and repeats of these."""
+    lockstep = after(1000)
+    assert lockstep.receive(0, B, 1) is ServoVerdict.RESTART
+    for count in (1001, 1001, 1002):
+        assert lockstep.receive(count, A, REPLACED_SILENCE_NS) is ServoVerdict.REPLACED
+    lockstep.answered(0, b"", REPLACED_SILENCE_NS)
+    assert lockstep.receive(1, B, REPLACED_SILENCE_NS) is ServoVerdict.ADVANCE
+    lockstep.answered(1, b"", REPLACED_SILENCE_NS)
+    assert lockstep.receive(1002, A, 2 * REPLACED_SILENCE_NS - 1) is ServoVerdict.REPLACED
+    assert lockstep.sender == B
+    assert lockstep.receive(0, A, 2 * REPLACED_SILENCE_NS) is ServoVerdict.RESTART, "B is gone"
+    assert lockstep.receive(2, B, 2 * REPLACED_SILENCE_NS) is ServoVerdict.REPLACED
+
+
+def test_an_autopilot_that_boots_anew_at_another_port_is_heard():
+    """Each time: none of these ports was that of the one before."""
+    lockstep = after(100)
+    for port in range(40001, 40005):
+        assert lockstep.receive(0, ("127.0.0.1", port), 1) is ServoVerdict.RESTART
