@@ -30,7 +30,8 @@ To fly an ArduPilot on it (index 3, ports 9032 and 5790):
   arducopter --model JSON:127.0.0.1 -I3 --sysid 4 --serial0 tcp:0 \\
       --home 47.3977,8.5456,488,0 --defaults copter.parm,f450.parm
   mavproxy.py --master tcp:127.0.0.1:5790
-f450.parm holds what the airframe's ardupilot_parameters say (FRAME_CLASS 1, FRAME_TYPE 1).
+f450.parm holds what the airframe's ardupilot_parameters say (FRAME_CLASS 1, FRAME_TYPE 1,
+SIM_VIB_MOT_MASK 15).
 Give --speedup 10 to ArduPilot too when running faster than real time.
 \b
 To fly a PX4 on it (index 3, port 4563):

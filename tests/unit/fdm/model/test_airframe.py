@@ -33,6 +33,15 @@ def test_f450_maps_the_motors_in_ardupilots_order():
     ]
 
 
+@pytest.mark.parametrize(
+    "name", ["f450", "hexa550", AIRFRAMES_DIR.parents[1] / "examples/airframe/mini.yaml"]
+)
+def test_sitl_knows_which_channels_of_a_copter_are_motors_that_draw_current(name):
+    airframe = load_airframe(name)
+    bits = sum(1 << (c.channel - 1) for c in airframe.channels if c.property.startswith("fcs/throttle"))
+    assert airframe.ardupilot_parameters["SIM_VIB_MOT_MASK"] == bits
+
+
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(AirframeError, match=r"unknown airframe 'f451'.*f450"):
         load_airframe("f451")
