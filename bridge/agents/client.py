@@ -52,6 +52,8 @@ M = TypeVar("M", bound=Message)
 log = logging.getLogger("agent")
 LOGGED_MAX = 1000
 """Values that an agent may log at a tick."""
+REFUSED = " refused: "
+"""In the feedback of a `goto`: that the autopilot flies it without the speed or heading that was asked for."""
 ROUNDING_NS = 0.5
 """Times are whole nanoseconds, but for the rounding of seconds."""
 OnPacket = Callable[[str, str, bytes, Reception], object]
@@ -373,8 +375,11 @@ class UaClient(Commands):
                 if not event.success:
                     raise failure(event.outcome, f"UA {self.node}: {verb}: {event.text}")
                 return event
-            if on_feedback is not None and event.phase == CommandEvent.FEEDBACK:
-                on_feedback(event)
+            if event.phase == CommandEvent.FEEDBACK:
+                if on_feedback is not None:
+                    on_feedback(event)
+                elif verb == "goto" and REFUSED in event.text:
+                    self.report(f"{verb}: {event.text}")
         if self.is_over:
             raise self._over(verb)
         if is_answered:

@@ -47,6 +47,7 @@ NOWHERE_E7: Final = 10_000_000
 """1 degree: it does not get so far before it has a fix."""
 HOME_AT_ZERO_MM: Final = 20
 """Between its two heights, where home is at 0 m: they are rounded apart."""
+BEYOND_SPEEDS: Final = "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"
 BEYOND_FENCE: Final = "ArduCopter flies to no point beyond its fence, and does not say so"
 _SPELLING: Final = {
     "FLY_BY_WIRE_A": "FBWA",
@@ -155,8 +156,8 @@ class ArduPilotStack:
         """DO_REPOSITION in GUIDED, then speed and heading."""
         steps = [self.mode_step(state, "GUIDED"), _reposition(state, FRAMES[target.frame], target.place)]
         if target.speed_mps is not None:
-            kind = "air" if is_plane(state.vehicle_type) else "ground"
-            steps.append(optional(_speed_step(state, target.speed_mps, kind)))
+            kind, why = ("air", BEYOND_SPEEDS) if is_plane(state.vehicle_type) else ("ground", "")
+            steps.append(optional(_speed_step(state, target.speed_mps, kind), why))
         if target.yaw_deg is not None:
             yaw = command_long(state, int(mavlink.MAV_CMD_CONDITION_YAW), target.yaw_deg % 360.0)
             steps.append(optional(yaw))
@@ -247,7 +248,7 @@ def _why_no_plane_speed(state: VehicleState, kind: str) -> str:
         return f"ArduPlane changes no {kind} speed on the way"
     if state.mode not in PLANE_SPEED_MODES:
         return f"ArduPlane takes speeds in {', '.join(PLANE_SPEED_MODES)}, and flies {state.mode}"
-    return "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"
+    return BEYOND_SPEEDS
 
 
 def _why_no_takeoff(state: VehicleState) -> str:

@@ -28,6 +28,8 @@ class Step:
     """... if it reports this value (to 1, since some parameters are whole numbers), not the one of before."""
     optional: bool = False
     """A refusal is reported as feedback but does not end the command."""
+    hint: str = ""
+    """Of an optional one: added to a refusal that came without the autopilot's words."""
     done: Callable[[VehicleState], bool] | None = None
     """Of a message that nothing acknowledges: whether the state shows that it was taken."""
     explains: bool = False

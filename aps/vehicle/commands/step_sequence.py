@@ -204,7 +204,8 @@ class StepSequence:
         reason = f"{label}: {words}" if words else label
         name = enum_label("MAV_CMD", step.command or 0)
         if step.optional:
-            self._command.tell("feedback", f"{name} refused: {reason}")
+            why = f" ({step.hint})" if step.hint and not words else ""
+            self._command.tell("feedback", f"{name} refused: {reason}{why}")
             waiting.answer = _ACCEPTED
             return
         hint = self._plan.refusal_hint or f"{name}; the autopilot does not say why"

@@ -89,9 +89,9 @@ def parameter_step(state: VehicleState, name: str, value: float) -> Step:
     return Step(message, parameter=name, value=value)
 
 
-def optional(step: Step) -> Step:
-    """The same, but a refusal does not end the command."""
-    return Step(step.message, step.command, step.parameter, step.value, optional=True)
+def optional(step: Step, hint: str = "") -> Step:
+    """The same, but a refusal does not end the command; ``hint`` is added to one without the autopilot's words."""
+    return Step(step.message, step.command, step.parameter, step.value, optional=True, hint=hint)
 
 
 def is_fixed_wing(state: VehicleState) -> bool:

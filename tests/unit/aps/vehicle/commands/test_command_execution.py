@@ -199,6 +199,20 @@ def test_a_verb_that_takes_a_mode_which_the_vehicle_lacks_is_refused(vehicle_typ
         make(state)
 
 
+def test_a_speed_that_arduplane_refuses_without_a_word_is_told_with_the_likely_cause():
+    plane = replace(FLYING, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
+    execution = CommandExecution(targets.goto(plane, 47.1, 8.0, 20.0, speed_mps=7.0))
+    for command in (MODE, REPOSITION):
+        execution.poll(plane, 0)
+        execution.on_ack(command, ACCEPTED)
+    execution.poll(plane, 0)
+    execution.on_ack(SPEED, FAILED)
+    execution.poll(plane, 0)
+    execution.poll(plane, 10_000_000_000)
+    why = "a speed beyond AIRSPEED_MIN to AIRSPEED_MAX"
+    assert f"DO_CHANGE_SPEED refused: FAILED ({why})" in [event.text for event in execution.events]
+
+
 def test_refused_speed_does_not_end_the_goto():
     execution = CommandExecution(targets.goto(FLYING, 47.001, 8.0, 20.0, speed_mps=7.0))
     for command in (MODE, REPOSITION):
