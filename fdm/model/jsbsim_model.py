@@ -312,10 +312,10 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     try:
         loaded = executive.load_model(airframe.jsbsim.model)
     except jsbsim.BaseError as error:
-        console.errors.append(str(error))
+        console.errors.append(" ".join(str(error).split()))  # once more what the console has, mostly
         loaded = False
     if not loaded:
-        reason = "; ".join(console.errors[-3:]) or "no reason given"
+        reason = "; ".join(list(dict.fromkeys(console.errors))[-3:]) or "no reason given"
         raise AirframeError(f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model}: {reason}")
     return executive
 

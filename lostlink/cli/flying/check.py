@@ -10,9 +10,11 @@ import click
 from bridge.scenario.file import DEFAULT_SCENARIO, ScenarioError
 from channel.own.methods import OwnModelError
 from channel.preset_errors import PresetError
+from fdm.errors import AirframeError
 from lostlink.cli.exits import fail
 from lostlink.cli.scenario_options import scenario_with, setting_options
 from lostlink.flight.shown.say import say
+from lostlink.plan.flight_models import load_flight_models
 from lostlink.plan.output import lines_of
 from lostlink.plan.plan import plan_of
 
@@ -25,8 +27,8 @@ def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: 
     """Check SCENARIO (a shipped scenario's name, or a YAML file) and print the plan of its run.
 
     The plan has nodes, when radios are off, processes and how they are joined, ports, the radio with its range, the
-    load that the agents offer to it, and what the run does not model. Nothing is started. Ends with status 0 if the
-    scenario is right, also with warnings, 2 if not.
+    load that the agents offer to it, and what the run does not model. Airframes of your own are loaded; nothing is
+    started. Ends with status 0 if the scenario is right, also with warnings, 2 if not.
 
     \b
     Examples:
@@ -35,7 +37,9 @@ def check(scenario: str, radio: str | None, settings: tuple[str, ...], as_json: 
       lostlink check my.yaml --json | jq .load.airtime_share
     """
     try:
-        plan = plan_of(scenario_with(scenario, {"radio": radio}, settings))
-    except (ScenarioError, PresetError, OwnModelError) as error:
+        checked = scenario_with(scenario, {"radio": radio}, settings)
+        load_flight_models(checked)
+        plan = plan_of(checked)
+    except (ScenarioError, AirframeError, PresetError, OwnModelError) as error:
         fail(error)
     say(json.dumps(asdict(plan), indent=1) if as_json else "\n".join(lines_of(plan)))
