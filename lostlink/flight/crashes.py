@@ -41,7 +41,8 @@ def crashes(scenario: Scenario, run: RunDirectory) -> Iterator[str]:
     try:
         for rows in read_batches(run.path, TRUTH, WHERE, {"node": nodes}):
             for node, fall in falls.items():
-                _look(fall, {name: rows[name][rows["node"] == nodes.index(node)] for name in WHERE})
+                at = np.flatnonzero(rows["node"] == nodes.index(node))
+                _look(fall, {name: rows[name][at] for name in WHERE})
     except (OSError, TableError):
         return  # why it cannot be read is reported where it should have become Parquet
     hard = sorted((ua for ua, fall in falls.items() if fall.sink_mps), key=lambda ua: -falls[ua].sink_mps)
