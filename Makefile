@@ -57,7 +57,7 @@ bench-aps: $(VENV)/.dev  ## Run the benchmarks of the MAVLink daemon.
 	$(BIN)/python -m benchmarks aps aps_fairness aps_routers
 
 bench-channel: $(VENV)/.dev  ## Run the benchmarks of the channel.
-	$(BIN)/python -m benchmarks channel
+	$(BIN)/python -m benchmarks channel fit
 
 # The build backend is in both locks, so that an install asks the registry for nothing that is not pinned.
 $(VENV)/.run: requirements/run.txt pyproject.toml

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,21 +77,22 @@ def log_of_columns(
         raise FlightLogError(f"{place}: has no column distance_m")
     if not {"fate", "delivered"} & columns.keys():
         raise FlightLogError(f"{place}: {NO_OUTCOME}")
-    if not all(isinstance(each, str) for each in columns.get("fate", ())):
+    words = {name: _Words.of(columns[name]) for name in ("fate", "tx", "rx") if name in columns}
+    if "fate" in words and not all(isinstance(each, str) for each in words["fate"].names):
         raise FlightLogError(f"{place}: fate: has to be a text in every row")
+    mine = np.ones(len(columns["distance_m"]), dtype=bool)
     if columns.keys() >= OF_A_RUN:
         mine = single_trials(columns["radio"], columns["attempts"], network, place)
-        columns = {name: values[mine] for name, values in columns.items()}
-    delivered = columns["fate"] == "delivered" if "fate" in columns else columns["delivered"]
+    delivered = words["fate"].where("delivered") if "fate" in words else columns["delivered"]
     try:
         distance_m = columns["distance_m"].astype(float)
-        known = _on_the_air(columns, distance_m, delivered)
+        known = mine & _on_the_air(words, distance_m, delivered)
         log = FlightLog(
             distance_m[known],
             delivered[known],
             _lengths(columns, base, len(distance_m))[known],
             columns.get("rssi_dbm", np.full(len(distance_m), np.nan)).astype(float)[known],
-            _links(columns, known),
+            _links(words, known),
         )
     except (TypeError, ValueError) as error:
         raise FlightLogError(f"{place}: {error}") from error
@@ -100,23 +101,48 @@ def log_of_columns(
     return log
 
 
+class _Words(NamedTuple):
+    """A column of words, of which there are few: the place of each row's among the names."""
+
+    places: NDArray[np.integer[Any]]
+    names: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, column: NDArray[Any]) -> _Words:
+        import pyarrow as pa
+
+        encoded = pa.array(column).dictionary_encode(null_encoding="encode")
+        return cls(np.asarray(encoded.indices), tuple(encoded.dictionary.to_pylist()))
+
+    def where(self, *words: str) -> NDArray[np.bool_]:
+        """Return which rows have one of some words."""
+        chosen: NDArray[np.bool_] = np.array([str(name) in words for name in self.names], dtype=bool)
+        return np.asarray(chosen[self.places], dtype=np.bool_)
+
+
 def _on_the_air(
-    columns: Mapping[str, NDArray[Any]], distance_m: NDArray[np.float64], delivered: NDArray[Any]
+    words: Mapping[str, _Words], distance_m: NDArray[np.float64], delivered: NDArray[Any]
 ) -> NDArray[np.bool_]:
     """Return which rows are packets that the radio sent between known places."""
     known = np.ones(len(distance_m), dtype=bool)
-    if "fate" in columns:
+    if "fate" in words:
         known &= ~np.isnan(distance_m) | (delivered != 0)
-        known &= ~np.isin(columns["fate"].astype(str), list(BEFORE_THE_RADIO))
-    if "rx" in columns:
-        known &= columns["rx"].astype(str) != ALL_RECEIVERS
+        known &= ~words["fate"].where(*BEFORE_THE_RADIO)
+    if "rx" in words:
+        known &= ~words["rx"].where(ALL_RECEIVERS)
     return known
 
 
-def _links(columns: Mapping[str, NDArray[Any]], known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    if not {"tx", "rx"} <= columns.keys():
+def _links(words: Mapping[str, _Words], known: NDArray[np.bool_]) -> NDArray[np.intp]:
+    if not {"tx", "rx"} <= words.keys():
         return np.zeros(int(np.count_nonzero(known)), dtype=np.intp)
-    return links_of(*(columns[end][known].astype(str).tolist() for end in ("tx", "rx")))
+    ends = [[str(name) for name in words[end].names] for end in ("tx", "rx")]
+    number = {name: i for i, name in enumerate(sorted({*ends[0], *ends[1]}))}
+    tx, rx = (
+        np.array([number[name] for name in names], dtype=np.intp)[words[end].places[known]]
+        for end, names in zip(("tx", "rx"), ends, strict=True)
+    )
+    return links_of(tx, rx)
 
 
 def _lengths(columns: Mapping[str, NDArray[Any]], base: RadioConfig, packets: int) -> NDArray[np.float64]:

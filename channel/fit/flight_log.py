@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +16,7 @@ from channel import checks
 from channel.checks import ChannelInputError, FloatArray
 from channel.config import RadioConfig
 from channel.csv_rows import rows_with_headings
+from channel.fit.cells import alike
 
 EARTH_RADIUS_M = 6_371_008.8
 POSITION_COLUMNS = tuple(f"{end}_{part}" for end in ("tx", "rx") for part in ("lat_deg", "lon_deg", "alt_m"))
@@ -156,7 +157,7 @@ def read_flight_log(file: Path, default_length_bytes: int, network: str = MAIN) 
         raise FlightLogError(f"{file}: no rows")
     *columns, tx, rx, radio, attempts = (list(column) for column in zip(*rows, strict=True))
     distance, delivered, length, rssi = (np.asarray(column) for column in columns)
-    link = links_of(tx, rx)
+    link = links_of(*np.split(np.unique([*tx, *rx], return_inverse=True)[1], 2))
     log = FlightLog(
         distance.astype(float), delivered.astype(bool), length.astype(float), rssi.astype(float), link
     )
@@ -165,10 +166,14 @@ def read_flight_log(file: Path, default_length_bytes: int, network: str = MAIN) 
     return log
 
 
-def links_of(tx: Sequence[str], rx: Sequence[str]) -> NDArray[np.intp]:
-    """Return a number for each packet's pair of ends, the same one in both directions: shadowing is reciprocal."""
-    pairs = ["\n".join(sorted(ends)) for ends in zip(tx, rx, strict=True)]
-    return np.unique(pairs, return_inverse=True)[1].reshape(-1).astype(np.intp)
+def links_of(tx: NDArray[np.intp], rx: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return a number for each packet's pair of ends, the same one in both directions: shadowing is reciprocal.
+
+    Args:
+        tx: number of the end that sent it, in the order of their names.
+        rx: likewise of the other.
+    """
+    return alike(np.minimum(tx, rx), np.maximum(tx, rx)).of_row
 
 
 def read_csv_log(file: Path, base: RadioConfig, network: str = MAIN) -> FlightLog:

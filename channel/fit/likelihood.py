@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from channel.checks import FloatArray
 from channel.config import RadioConfig
 from channel.fading.shadowing import OneSidedNormalShadowing
+from channel.fit.cells import by_distance
 from channel.fit.flight_log import FlightLog
 from channel.fit.result import Level
 from channel.fit.rssi_law import (
@@ -80,8 +81,8 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class _Packets:
-    """Packets of one length: those that arrived with RSSI, and the others."""
+class _Group:
+    """Cells of one length: those of packets that arrived with RSSI, and the others."""
 
     table: SuccessTable
     at_rssi: SuccessTable
@@ -90,7 +91,7 @@ class _Packets:
 
 
 class Likelihood:
-    """The log-likelihood of one log.
+    """The log-likelihood of one log: computed once for each cell of packets, times how many there are.
 
     Args:
         log: the flight log.
@@ -114,18 +115,23 @@ class Likelihood:
         if self.has_rssi:
             self._rssi_dbm[heard], bin_db = bins_of(log.rssi_dbm[heard])
         self._bin_db = bin_db
+        cells = by_distance(self._decades, log.length_bytes, log.delivered, self._rssi_dbm)
+        self._cell, self._count = cells.of_row, cells.count
+        self._cell_decades = cells.mean(self._decades)
+        self._cell_arrived, self._cell_rssi_dbm = log.delivered[cells.first], self._rssi_dbm[cells.first]
         self._far = float(np.average(self._decades, weights=np.maximum(1.0 - log.delivered, 1e-3)))
         """Decades of distance at which packets are lost."""
         self._power_at_reference = power_at_reference_dbm(base, reference_m)
         self._floor_dbm = base.noise_floor_dbm
         band = Band(base.bandwidth_hz, base.bit_rate_bps)
         self._groups = []
-        for length in np.unique(log.length_bytes):
-            here = log.length_bytes == length
+        lengths, heard = log.length_bytes[cells.first], heard[cells.first]
+        for length in np.unique(lengths):
+            here = lengths == length
             table = SuccessTable(base.error, float(length), band, one_sided=self._one_sided)
             at_rssi = SuccessTable(base.error, float(length), band, one_sided=False, bin_db=bin_db)
             index = np.flatnonzero(here & heard), np.flatnonzero(here & ~heard)
-            self._groups.append(_Packets(table, at_rssi, *index))
+            self._groups.append(_Group(table, at_rssi, *index))
 
     @property
     def base_values(self) -> Parameters:
@@ -212,20 +218,23 @@ class Likelihood:
         """Return the log-likelihood of all packets, with its gradient and its information."""
         value, gradient, information = 0.0, np.zeros(len(ALL_NAMES)), np.zeros((len(ALL_NAMES),) * 2)
         for group in self._groups:
-            for part in (self._silent(at, group), self._heard(at, group)):
-                logs, scores, weights = part
-                value += float(np.sum(logs))
-                gradient += np.sum(scores, axis=1)
-                information += (scores * weights) @ scores.T
+            for index, said in ((group.silent, self._silent), (group.heard, self._heard)):
+                if not index.size:
+                    continue
+                logs, scores, weights = said(at, group)
+                count = self._count[index]
+                value += float(logs @ count)
+                gradient += scores @ count
+                information += (scores * (weights * count)) @ scores.T
         return Point(at, value, gradient, information)
 
     def scores(self, at: Parameters) -> FloatArray:
         """Return the slope of each packet's log-likelihood by its power: its mean is 0, whether it arrived or not."""
-        out = np.zeros(self._delivered.size)
+        out = np.zeros(self._count.size)
         for group in self._groups:
             out[group.silent] = self._silent(at, group)[1][OFFSET]
             out[group.heard] = self._heard(at, group)[1][OFFSET]
-        return out
+        return out[self._cell]
 
     def covariance(self, best: Point, chosen: NDArray[np.bool_]) -> tuple[tuple[str, ...], FloatArray]:
         """Return the names of the chosen parameters that stand at no limit, and their covariance, sigma in dB."""
@@ -266,12 +275,12 @@ class Likelihood:
 
     def deliveries(self, at: Parameters) -> FloatArray:
         """Return the probability of delivery of each packet."""
-        out = np.zeros(self._delivered.size)
+        out = np.zeros(self._count.size)
         for group in self._groups:
             for index in (group.silent, group.heard):
                 snr = self._mean_dbm(at, index) - at[FLOOR]
                 out[index] = (1.0 - at[BASE]) * group.table.averaged(snr, self._sigma_db(at))[0]
-        return out
+        return out[self._cell]
 
     def reading_shares(self, at: Parameters) -> FloatArray:
         """Return the law's distribution function at readings where even 3 sigma below the mean all arrives.
@@ -284,13 +293,14 @@ class Likelihood:
         for group in self._groups:
             mean = self._mean_dbm(at, group.heard)
             success = group.at_rssi.averaged(mean - 3.0 * math.hypot(sigma_db, error_db) - at[FLOOR], 0.0)[0]
-            sure = success > 0.999
-            residual = self._rssi_dbm[group.heard][sure] - mean[sure]
-            low, high = (
-                share_below(residual + side * self._bin_db, sigma_db, error_db, one_sided=self._one_sided)
-                for side in (-0.5, 0.5)
-            )
-            out.append(low + van_der_corput(residual.size) * (high - low))
+            sure = group.heard[success > 0.999]
+            residual = self._cell_rssi_dbm[sure] - self._mean_dbm(at, sure)
+            ends = np.full((2, self._count.size), np.nan)
+            for end, side in zip(ends, (-0.5, 0.5), strict=True):
+                bound_db = residual + side * self._bin_db
+                end[sure] = share_below(bound_db, sigma_db, error_db, one_sided=self._one_sided)
+            low, high = ends[:, self._cell[np.isfinite(ends[0])[self._cell]]]
+            out.append(low + van_der_corput(low.size) * (high - low))
         return np.concatenate(out)
 
     @property
@@ -305,41 +315,41 @@ class Likelihood:
 
     def _mean_dbm(self, at: Parameters, index: NDArray[np.intp]) -> FloatArray:
         level = self._power_at_reference + at[OFFSET]
-        return np.asarray(level - 10.0 * at[EXPONENT] * self._decades[index])
+        return np.asarray(level - 10.0 * at[EXPONENT] * self._cell_decades[index])
 
-    def _silent(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log-likelihood, scores (one row per parameter) and weights of packets without RSSI."""
+    def _silent(self, at: Parameters, group: _Group) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log-likelihood, scores (one row per parameter) and weights of cells without RSSI."""
         index = group.silent
         mean = self._mean_dbm(at, index)
         sigma_db = self._sigma_db(at)
         success, by_snr, by_sigma = group.table.averaged(mean - at[FLOOR], sigma_db)
         kept = 1.0 - at[BASE]
         arrives = np.clip(kept * success, TINY, 1.0 - TINY)
-        arrived = self._delivered[index]
+        arrived = self._cell_arrived[index]
         chance = np.where(arrived, arrives, 1.0 - arrives)
         slope = np.where(arrived, 1.0, -1.0) / chance
         scores = np.zeros((len(ALL_NAMES), index.size))
         scores[OFFSET] = slope * kept * by_snr
-        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        scores[EXPONENT] = -10.0 * self._cell_decades[index] * scores[OFFSET]
         scores[FLOOR] = -scores[OFFSET]
         scores[SIGMA] = slope * kept * by_sigma * self._sigma_slope(sigma_db)
         scores[BASE] = -slope * success
         weights = np.ones(index.size) if self.has_rssi else chance / (1.0 - chance)
         return np.log(chance), scores, weights
 
-    def _heard(self, at: Parameters, group: _Packets) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the same of packets that arrived with RSSI."""
+    def _heard(self, at: Parameters, group: _Group) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the same of cells that arrived with RSSI."""
         index = group.heard
         sigma_db, error_db = self._sigma_db(at), float(at[ERROR])
-        residual = self._rssi_dbm[index] - self._mean_dbm(at, index)
+        residual = self._cell_rssi_dbm[index] - self._mean_dbm(at, index)
         law = self._law(sigma_db, error_db, residual)
         power = true_power(residual, sigma_db, error_db, one_sided=self._one_sided)
-        snr = self._rssi_dbm[index] - at[FLOOR]
+        snr = self._cell_rssi_dbm[index] - at[FLOOR]
         success, by_snr, by_residual, by_sigma, by_error = _arriving(group.at_rssi, snr, power)
         logs = np.log(success) + np.log(law.chance) + np.log(max(1.0 - at[BASE], TINY))
         scores = np.zeros((len(ALL_NAMES), index.size))
         scores[OFFSET] = -by_residual / success - law.by_residual / law.chance
-        scores[EXPONENT] = -10.0 * self._decades[index] * scores[OFFSET]
+        scores[EXPONENT] = -10.0 * self._cell_decades[index] * scores[OFFSET]
         scores[SIGMA] = (by_sigma / success + law.by_sigma / law.chance) * self._sigma_slope(sigma_db)
         scores[ERROR] = by_error / success + law.by_error / law.chance
         scores[FLOOR] = -by_snr / success

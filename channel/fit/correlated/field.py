@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from channel.checks import FloatArray
+from channel.fit.cells import alike
 
 FINEST_M = 0.02
 """Places nearer to each other than this are one."""
@@ -47,15 +48,18 @@ def places_of(distance_m: FloatArray, link: NDArray[np.intp]) -> PlacesOnLinks:
         distance_m: of each packet, shape (packets,).
         link: which link each belongs to, counted from 0.
     """
-    extents_m = [float(np.ptp(distance_m[link == each])) for each in np.unique(link)]
-    extent_m = max(extents_m)
-    step_m = max(FINEST_M, sum(extents_m) / MOST_PLACES)
-    at = np.stack((link, np.round(distance_m / step_m)), axis=-1).astype(np.int64)
-    unique, of_packet = np.unique(at, axis=0, return_inverse=True)
-    same = np.diff(unique[:, 0]) == 0
-    gap_m = np.where(same, np.diff(unique[:, 1]) * step_m, np.inf)
+    order = np.lexsort((distance_m, link))
+    last = np.flatnonzero(np.diff(link[order], append=-1))
+    first = np.append(0, last[:-1] + 1)
+    extents_m = distance_m[order[last]] - distance_m[order[first]]
+    extent_m = float(np.max(extents_m))
+    step_m = max(FINEST_M, float(np.sum(extents_m)) / MOST_PLACES)
+    step = np.round(distance_m / step_m)
+    places = alike(link, step)
+    same = np.diff(link[places.first]) == 0
+    gap_m = np.where(same, np.diff(step[places.first]) * step_m, np.inf)
     spacing_m = float(np.median(gap_m[same])) if same.any() else extent_m
-    return PlacesOnLinks(of_packet.reshape(-1), gap_m, extent_m, spacing_m)
+    return PlacesOnLinks(places.of_row, gap_m, extent_m, spacing_m)
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,8 +82,9 @@ class Log:
         fixed_dbm: mean power at each place but for what is free of offset and exponent, shape (places,).
         design: power per unit of these, shape (places, free).
         readings: of what arrived.
-        place: of each packet whose outcome is in doubt, shape (doubtful,).
-        outcomes: what these say.
+        place: of each cell of like packets whose outcome is in doubt, shape (doubtful,).
+        packets: how many are in each.
+        outcomes: what one of each says.
         certain: how many others arrived, at powers that leave no doubt.
     """
 
@@ -92,6 +93,7 @@ class Log:
     design: FloatArray
     readings: Readings
     place: NDArray[np.intp]
+    packets: FloatArray
     outcomes: Outcomes
     certain: int
 
@@ -131,7 +133,7 @@ class CorrelatedLikelihood:
             left = variance / np.maximum(1.0 - weight * variance, 1.0 - MOST_OF_VARIANCE)
             mean = left * (here / variance - pull)
             said = log.outcomes.said(mean - floor_dbm, left, law)
-            value = normal.value + float(np.sum(said.log - _factor(mean, left, weight, pull)))
+            value = normal.value + float(log.packets @ (said.log - _factor(mean, left, weight, pull)))
             if abs(value - last) < SETTLED:
                 break
             last = value
@@ -155,8 +157,8 @@ class CorrelatedLikelihood:
         log, design = self._log, self._log.design
         places = log.fixed_dbm.size
         seen = 1.0 / log.readings.variance(law.scatter_db)
-        all_weight = seen + np.bincount(log.place, weight, places)
-        by_factor = np.bincount(log.place, pull, places)
+        all_weight = seen + np.bincount(log.place, log.packets * weight, places)
+        by_factor = np.bincount(log.place, log.packets * pull, places)
         all_pull = seen * (log.readings.mean_dbm - log.fixed_dbm) + by_factor
         weighted = all_weight[:, np.newaxis] * design
         joined = precision.joined(all_weight)

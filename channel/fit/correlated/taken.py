@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from channel.checks import FloatArray
 from channel.config import RadioConfig
+from channel.fit.cells import alike
 from channel.fit.correlated.faded import FadedOutcomes
 from channel.fit.correlated.field import places_of
 from channel.fit.correlated.outcomes import FINE_SNR_DB, Outcomes
@@ -81,14 +82,16 @@ class TakenLog:
         held = ~self._line_free
         known = self._near[:2]
         doubtful = ~self.heard | (self.rssi_dbm < self.sure_dbm() + MARGIN_DB)
-        lengths, length = np.unique(self._log.length_bytes[doubtful], return_inverse=True)
-        delivered = self._log.delivered[doubtful]
+        one, packets = self._alike(np.flatnonzero(doubtful))
+        lengths, length = np.unique(self._log.length_bytes[one], return_inverse=True)
+        delivered = self._log.delivered[one]
         return Log(
             places=places,
             fixed_dbm=self.level_dbm + columns[:, held] @ known[held],
             design=columns[:, self._line_free],
             readings=self._readings(count),
-            place=places.of_packet[doubtful],
+            place=places.of_packet[one],
+            packets=packets,
             outcomes=Outcomes(self._base.error, self._band, lengths.tolist(), length.reshape(-1), delivered),
             certain=int(np.count_nonzero(~doubtful)),
         )
@@ -96,23 +99,32 @@ class TakenLog:
     def fading(self, erring: Log) -> Log:
         """Return the log with readings of the faded power, which decides the packets' fates."""
         log, none = self._log, np.zeros(erring.fixed_dbm.size)
-        lengths, length = np.unique(log.length_bytes, return_inverse=True)
+        one, packets = self._alike(np.arange(log.packets), self.rssi_dbm)
+        lengths, length = np.unique(log.length_bytes[one], return_inverse=True)
         outcomes = FadedOutcomes(
             self._base.error,
             self._band,
             lengths.tolist(),
             length.reshape(-1),
-            log.delivered,
-            self.rssi_dbm,
+            log.delivered[one],
+            self.rssi_dbm[one],
             self.step_variance,
         )
         return replace(
             erring,
             readings=Readings(none, none, 0.0, self.step_variance),
-            place=self.places.of_packet,
+            place=self.places.of_packet[one],
+            packets=packets,
             outcomes=outcomes,
             certain=0,
         )
+
+    def _alike(self, chosen: NDArray[np.intp], *said: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return a packet of each cell of those chosen that say the same of one place, and how many are in each."""
+        log = self._log
+        columns = self.places.of_packet, log.length_bytes, log.delivered, *said
+        cells = alike(*(column[chosen] for column in columns))
+        return chosen[cells.first], cells.count
 
     def _readings(self, places: int) -> Readings:
         where, rssi = self.places.of_packet[self.heard], self.rssi_dbm[self.heard]

@@ -2,7 +2,7 @@
 
 import json
 
-from benchmarks.channel import bench_channel
+from benchmarks.channel import bench_channel, bench_fit
 
 
 def test_ticks_batches_and_single_packets_are_measured(capsys):
@@ -21,3 +21,11 @@ def test_fleets_are_measured_for_presets(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["moon2020", "wifi-2.4"]
     assert all(float(ns) > 0.0 for line in lines[-2:] for ns in line.split()[1:])
+
+
+def test_a_fit_of_many_packets_takes_little_longer_than_one_of_few(capsys):
+    bench_fit.main(["--only", "no RSSI, sigma known", "--packets", "10000", "200000", "--json"])
+    few, many = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert few["cpu_s"] > 0.0
+    assert many["cpu_s"] < 15.0 * few["cpu_s"]
+    assert many["log_likelihood"] < 10.0 * few["log_likelihood"] < 0.0

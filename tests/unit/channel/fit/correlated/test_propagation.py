@@ -26,8 +26,9 @@ def log_of(distance_m, delivered, design, readings=None, step_variance=0.0025):
     none = Readings(np.zeros(count), np.zeros(count), 0.0, step_variance)
     outcomes = Outcomes(UncodedAwgn(), BAND, [40.0], np.zeros(delivered.size, dtype=np.intp), delivered)
     doubtful = np.arange(delivered.size)
+    ones = np.ones(delivered.size)
     return Log(
-        places, np.full(count, -80.0), design, readings or none, places.of_packet[doubtful], outcomes, 0
+        places, np.full(count, -80.0), design, readings or none, places.of_packet[doubtful], ones, outcomes, 0
     )
 
 
@@ -40,7 +41,8 @@ def test_readings_alone_give_the_dense_restricted_likelihood():
     empty = np.zeros(0, dtype=bool)
     base = log_of(at, np.ones(40, dtype=bool), design, readings)
     outcomes = Outcomes(UncodedAwgn(), BAND, [40.0], np.zeros(0, dtype=np.intp), empty)
-    log = Log(base.places, base.fixed_dbm, design, readings, np.zeros(0, dtype=np.intp), outcomes, 0)
+    place, packets = np.zeros(0, dtype=np.intp), np.zeros(0)
+    log = Log(base.places, base.fixed_dbm, design, readings, place, packets, outcomes, 0)
     law = Law(5.0, 30.0, 0.7, -100.0, 0.0)
     found = CorrelatedLikelihood(log).integral(law)
 
