@@ -16,6 +16,7 @@ from channel.medium.reception import DELIVERED
 from lostlink.reading.links.counts import means
 from lostlink.reading.rows import LINK, DeliveryRows, most_links, named_links
 
+Rows = NDArray[np.intp] | slice
 COUNTED = (*LINK, "radio", "sim_time_ns", "arrived_ns", "distance_m")
 
 
@@ -108,10 +109,7 @@ def compare_decisions(
         bins: of the ledgers of networks on which packets take no time, by name, for what was predicted.
     """
     one, other = before.each(), after.each()
-    keys = one.keys(), other.keys()
-    in_one, in_other = np.isin(keys[0], keys[1]), np.isin(keys[1], keys[0])
-    missing = int(np.sum(one.columns["packets"][~in_one]) + np.sum(other.columns["packets"][~in_other]))
-    orders = _sorted(keys[0], in_one), _sorted(keys[1], in_other)
+    orders, missing = _matched(one, other)
     same_figures = all(_same_bits(one.columns[f][orders[0]], other.columns[f][orders[1]]) for f in FIGURES)
     one, other = (side.only(COUNTED).at(order) for side, order in zip((one, other), orders, strict=True))
     fates = [side.columns["fate"] for side in (one, other)]
@@ -130,6 +128,19 @@ def compare_decisions(
         _links(one, other),
         _bins(one, other, bins),
     )
+
+
+def _matched(one: DeliveryRows, other: DeliveryRows) -> tuple[tuple[Rows, Rows], int]:
+    """Where the rows of the same packets and receivers are on both sides, and how many packets are on one alone.
+
+    Where all are in one order, as they are if nothing is cut, no row is copied.
+    """
+    keys = one.keys(), other.keys()
+    if np.array_equal(*keys):
+        return (slice(None), slice(None)), 0
+    in_one, in_other = np.isin(keys[0], keys[1]), np.isin(keys[1], keys[0])
+    missing = int(np.sum(one.columns["packets"][~in_one]) + np.sum(other.columns["packets"][~in_other]))
+    return (_sorted(keys[0], in_one), _sorted(keys[1], in_other)), missing
 
 
 def _sorted(keys: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.intp]:

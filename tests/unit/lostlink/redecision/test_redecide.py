@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
+import tracemalloc
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from rich.console import Console
 from bridge.bus.messages import CommandGoal
 from bridge.bus.radio_command import radio_goal
 from bridge.radio.ledger_file import LEDGER, write_ledger
-from bridge.record.tables.deliveries import DELIVERIES, FATES, SAID
+from bridge.record.tables.deliveries import DELIVERIES, FATES, FIGURES, SAID
 from bridge.record.tables.every import finish_tables
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import RadioOutage
@@ -432,3 +433,29 @@ def test_what_a_network_does_is_not_told_of_packets_of_another(tmp_path: Path) -
     text = " ".join(shown.export_text().split())
     assert "mesh: 0 -> 1" in text
     assert "all links of mesh" in text
+
+
+def test_rows_in_one_order_are_compared_without_a_copy_of_them() -> None:
+    rows = 50_000
+    number = np.arange(rows)
+    columns = {
+        "sim_time_ns": number * 1000,
+        "tx": number % 2,
+        "rx": 1 - number % 2,
+        "seq": number // 2,
+        "packets": np.ones(rows, dtype=np.int32),
+        "fate": np.zeros(rows, dtype=np.intp),
+        "arrived_ns": number * 1000,
+        "radio": np.full(rows, "main", dtype=object),
+        **dict.fromkeys(FIGURES, np.full(rows, 20.0)),
+    }
+    before, after = (DeliveryRows(("0", "1"), dict(columns)) for _ in range(2))
+    compare_decisions(before, after, {})
+    tracemalloc.start()
+    found = compare_decisions(before, after, {})
+    peak = tracemalloc.get_traced_memory()[1] / rows
+    tracemalloc.stop()
+    assert found.is_same
+    assert peak < 120.0  # bytes a row: 240 with copies in the order of their keys
+    shuffled = after.at(np.random.default_rng(1).permutation(rows))
+    assert compare_decisions(before, shuffled, {}).links == found.links
