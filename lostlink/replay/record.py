@@ -26,7 +26,6 @@ from lostlink.replay.logged import NodeLogged
 from lostlink.replay.measured import ReportedMeasurements
 
 COLUMNS = tuple(column.name for column in DELIVERIES.columns if column.name not in SAID)
-NOTHING = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
 
 
 class TickedRecord:
@@ -69,11 +68,15 @@ class TickedRecord:
             self.radios = switches_of(self.scenario, run)
 
     def _rows_until(self) -> NDArray[np.intp]:
-        read = [(c["received_ns"].copy(), c["fate"] == RUN_ENDED) for c in self.decisions.parts()]
-        received_ns, is_cut = map(np.concatenate, zip(NOTHING, *read, strict=True))
-        until = np.searchsorted(received_ns - self.scenario.tick_period_ns, self.ticks_ns, side="right")
-        cut = np.flatnonzero(is_cut)
-        return np.minimum(until, cut[0]) if cut.size else until
+        until, last_ns = np.zeros(self.ticks_ns.size, np.intp), self.ticks_ns + self.scenario.tick_period_ns
+        is_cut = False
+        for part in self.decisions.parts():  # all columns: what is damaged is told before it is played
+            cut = np.flatnonzero(part["fate"] == RUN_ENDED)
+            settled_ns = part["received_ns"][: cut[0]] if cut.size else part["received_ns"]
+            if not is_cut:
+                until += np.searchsorted(settled_ns, last_ns, side="right")
+            is_cut |= cut.size > 0
+        return until
 
     @cached_property
     def links_due(self) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import astuple
 from pathlib import Path
 
@@ -212,3 +213,18 @@ def test_what_is_no_run_is_said(tmp_path: Path) -> None:
     router.close(killed=True)
     with pytest.raises(ValueError, match="before its first tick"):
         Player.open(tmp_path / "empty")
+
+
+def test_when_rows_were_settled_is_found_part_by_part(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of as many rows as many UA leave: instants of all of them at once were 18 bytes a row."""
+    record = Player.open(run).record
+    parts, rows = 40, 50_000
+    whole = {"received_ns": np.full(rows, 40 * TICK_NS), "fate": np.full(rows, DELIVERED)}
+    cut = whole | {"fate": np.where(np.arange(rows) < 7, DELIVERED, RUN_ENDED)}
+    monkeypatch.setattr(record.decisions, "parts", lambda: iter([whole] * parts + [cut, whole]))
+    tracemalloc.start()
+    until = record._rows_until()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert until.tolist() == [0] * 39 + [parts * rows + 7] * 51
+    assert peak < parts * rows
