@@ -26,8 +26,10 @@ from lostlink.export.mcap.topics import prefixes
 MCAP_FILE: Final = "run.mcap"
 WINDOW_NS: Final = 5_000_000_000
 """Within a window messages are sorted; so much sim time is in memory."""
-WINDOWS_MAX: Final = 20_000
-"""A day of sim time; a record that says it is longer has longer ones."""
+WINDOW_LINKS: Final = 2000
+"""With more directed links than these windows are shorter: rows of deliveries go with the links."""
+WINDOWS_MAX: Final = 100_000
+"""A day of sim time of a hundred UA; a record that says it is longer has longer ones."""
 OnProgress = Callable[[float], object]
 
 
@@ -51,7 +53,7 @@ def write_mcap(
     end_ns = _end_of(run)
     with McapFile(path, settings) as file:
         sources = list(_sources(run, file, scenario))
-        window_ns = max(WINDOW_NS, end_ns // WINDOWS_MAX)
+        window_ns = _window_ns(end_ns, len(scenario.transceiver_ids))
         for until_ns in (*range(window_ns, end_ns, window_ns), FOREVER_NS):
             items = [item for source in sources for item in source.until(until_ns)]
             items.sort(key=itemgetter(0))
@@ -87,6 +89,11 @@ def _end_of(run: Path) -> int:
         return 0
     ticks_ns = read_columns(run, TRUTH, (TRUTH.tick,))[TRUTH.tick]
     return int(ticks_ns[-1]) if len(ticks_ns) else 0
+
+
+def _window_ns(end_ns: int, nodes: int) -> int:
+    """Of a record that ends at an instant, of so many nodes."""
+    return max(WINDOW_NS * WINDOW_LINKS // max(nodes**2, WINDOW_LINKS), end_ns // WINDOWS_MAX)
 
 
 def _about(run: Path, scenario: Scenario, file: McapFile) -> dict[str, str]:

@@ -66,7 +66,7 @@ class Slices:
                 self._kept.append(batch)
         if not self._kept:
             return None
-        whole = joined(self._kept)
+        whole = joined(self._kept) if len(self._kept) > 1 else self._kept[0]
         later = np.flatnonzero(whole[self._tick] > time_ns)
         count = int(later[0]) if later.size else len(whole[self._tick])
         self._kept = [{n: v[count:] for n, v in whole.items()}] if count < len(whole[self._tick]) else []
