@@ -20,6 +20,7 @@ from bridge.run.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 GROUP_ROWS: Final = 1 << 17
 DICTIONARY_MAX_BYTES: Final = 1 << 24
@@ -124,7 +125,7 @@ def batches_of_parquet(
             ]
             if wrong:
                 raise TableError(f"{path}: no such column as in {table.name}: {', '.join(wrong)}")
-            for batch in file.iter_batches(rows, columns=expected.names, use_threads=False):
+            for batch in _batches(file, rows, expected.names):
                 gaps = [name for name in expected.names if _has_gap(batch.column(name))]
                 if gaps:
                     raise TableError(f"{path}: a row has no value in {', '.join(gaps)}")
@@ -132,6 +133,12 @@ def batches_of_parquet(
                 yield batch.select(expected.names)
         except (pa.ArrowException, OSError) as error:
             raise TableError(f"{path}: damaged: {error}") from error
+
+
+def _batches(file: pq.ParquetFile, rows: int, names: list[str]) -> Iterator[pa.RecordBatch]:
+    """Row group by row group: a reader of all of them keeps what it has read of the file to its end."""
+    for group in range(file.num_row_groups):
+        yield from file.iter_batches(rows, row_groups=[group], columns=names, use_threads=False)
 
 
 def _check_most(path: Path, columns: Sequence[Column], batch: pa.RecordBatch) -> None:

@@ -377,3 +377,17 @@ def test_names_as_places_in_a_list_that_has_them_all(tmp_path: Path, finish: Any
         read_deliveries(tmp_path, ("0", "1"))
     with pytest.raises(TableError, match="deliveries has no column snr; there are sim_time_ns, tx"):
         read_deliveries(tmp_path, ("0", "1", "2"), ("snr",))
+
+
+def test_what_was_read_of_a_file_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bridge.record.tables.parquet.GROUP_ROWS", 1 << 12)
+    write_deliveries(tmp_path, list(fleet_columns(20, 300)), 20)
+    finish_tables(tmp_path)
+    for _ in reader.read_batches(tmp_path, DELIVERIES):
+        break  # imports
+    tracemalloc.start()
+    rows = sum(len(batch["tx"]) for batch in reader.read_batches(tmp_path, DELIVERIES))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert rows == 20 * 19 * 300
+    assert peak < 0.6 * DELIVERIES.parquet_path(tmp_path).stat().st_size
