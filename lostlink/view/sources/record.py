@@ -6,7 +6,6 @@ To go to an instant is to play up to it in a hurry, so that charts and counts ar
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from bridge.bus.messages import AgentStatus
 from lostlink.replay.moment import Moment
 from lostlink.replay.player import Player
+from lostlink.replay.playing.pace import Pace
 from lostlink.view.picture.fleet_view import TRAIL_PERIOD_NS, FleetView
 
 SLICE_S = 0.03
@@ -41,10 +41,8 @@ class RecordSource:
 
     def __init__(self, player: Player, view: FleetView, clock: Callable[[], float]) -> None:
         self._player, self._view, self._clock = player, view, clock
-        self._speed = 1.0
-        self._paused = False
+        self._pace = Pace(1.0, player.begin_ns, clock())
         self._goal_ns: int | None = None
-        self._from_ns, self._from_s = player.begin_ns, clock()
         self._trail_ns = -TRAIL_PERIOD_NS
         self._states_due_s = 0.0
         self._changes = 0
@@ -55,26 +53,24 @@ class RecordSource:
 
     def pause(self) -> None:
         """Hold."""
-        self._paused = True
+        self._pace.pause()
         self._tell_clock()
 
     def resume(self) -> None:
         """Go on; from the beginning if this is the end."""
-        self._paused = False
         if self._now_ns >= self._player.end_ns:
             self.seek(self._player.begin_ns / 1e9)
-        self._count_from_here()
+        self._pace.resume(self._clock())
         self._tell_clock()
 
     def step(self) -> None:
         """Play one tick, and hold."""
-        self._paused = True
+        self._pace.pause()
         self._play_next(in_a_hurry=False)
 
     def speed(self, factor: float) -> None:
         """Play so fast."""
-        self._speed = factor
-        self._count_from_here()
+        self._pace.set_speed(factor, self._clock())
 
     def seek(self, sim_time_s: float) -> None:
         """Go to an instant, or to the end nearest to it."""
@@ -107,46 +103,32 @@ class RecordSource:
             if self._now_ns >= self._goal_ns:
                 self._arrive()
             return
-        while not self._paused and self._next_is_due() and self._clock() < until_s:
+        while not self._pace.paused and self._next_is_due() and self._clock() < until_s:
             self._play_next(in_a_hurry=False)
-        if math.isfinite(self._speed) and self._is_behind:
-            self._count_from_here()
 
     def _arrive(self) -> None:
         """Show all of the instant that was sought, and go on from there."""
         self._goal_ns = None
         if self._player.now is not None:
             self._take(self._player.now, in_a_hurry=False, again=True)
-        self._count_from_here()
+            self._pace.move(self._now_ns, self._clock())
 
     @property
     def _now_ns(self) -> int:
         return self._player.now.sim_time_ns if self._player.now is not None else -1
 
     def _next_is_due(self) -> bool:
-        if self._now_ns >= self._player.end_ns:
+        following_ns = self._player.following_ns
+        if following_ns is None:
             self.pause()
             return False
-        return self._now_ns < self._due_ns
-
-    @property
-    def _due_ns(self) -> float:
-        if math.isinf(self._speed):
-            return math.inf
-        return self._from_ns + (self._clock() - self._from_s) * self._speed * 1e9
-
-    @property
-    def _is_behind(self) -> bool:
-        """Whether this machine cannot play so fast: then it plays as fast as it can, without a debt."""
-        return not self._paused and self._due_ns - self._now_ns > max(1.0, self._speed) * 1e9
-
-    def _count_from_here(self) -> None:
-        self._from_ns, self._from_s = max(self._now_ns, self._player.begin_ns), self._clock()
+        return self._pace.due_s(following_ns) <= self._clock()
 
     def _play_next(self, *, in_a_hurry: bool) -> None:
         moment = self._player.step()
         if moment is not None:
             self._take(moment, in_a_hurry=in_a_hurry)
+            self._pace.played(moment.sim_time_ns, self._clock())
 
     def _take(self, moment: Moment, *, in_a_hurry: bool, again: bool = False) -> None:
         """Give a moment to the view; ``again``: what is counted was taken already."""
@@ -199,4 +181,4 @@ class RecordSource:
     def _tell_clock(self) -> None:
         moment = self._player.now
         if moment is not None:
-            self._view.take(moment.clock(self._speed, self._speed, paused=self._paused))
+            self._view.take(moment.clock(self._pace.speed, self._pace.speed, paused=self._pace.paused))
