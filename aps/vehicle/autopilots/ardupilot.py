@@ -8,13 +8,11 @@ from dataclasses import replace
 from functools import cache
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import FTP, LOG_DATA, LOG_LIST, Circle, FlightStack, Manoeuvre, Target
 from aps.vehicle.commands.plan import Step
 from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import ZERO, Place, Yaw, global_setpoint, local_setpoint
 from aps.vehicle.flight.steps import (
-    PREARM_CHECK,
-    arm_step,
     command_int,
     command_long,
     is_fixed_wing,
@@ -81,13 +79,12 @@ def stop(state: VehicleState) -> list[Any]:
     return [local_setpoint(state, mavlink.MAV_FRAME_LOCAL_NED, None, ZERO, Yaw())]
 
 
-class ArduPilotStack:
+class ArduPilotStack(FlightStack):
     """ArduCopter, ArduPlane, Rover and Sub."""
 
     name = "ArduPilot"
     home_is_an_item = True
     zero_is_here = True
-    bytewise_parameters = False
     packed_parameters = True
     unrepeatable: Mapping[int, str] = {
         FTP: "a client used MAVLink FTP, which ArduPilot answers from a thread of its own",
@@ -95,10 +92,6 @@ class ArduPilotStack:
         "how much a thread has written of the one that is open",
         LOG_DATA: "a client downloaded a log, which ArduPilot reads in a thread of its own",
     }
-    unrepeatable_answers: Mapping[int, str] = {}
-    events_path: str | None = None
-    stream_twins: Mapping[int, int | None] = {}
-    mode_aliases: Mapping[str, str] = {}
 
     def modes(self, vehicle_type: int) -> Mapping[str, int]:
         """By vehicle."""
@@ -119,14 +112,6 @@ class ArduPilotStack:
         if is_plane(state.vehicle_type):
             return mode if mode in VTOL_STICK_MODES else ""
         return mode if mode in STICK_MODES and is_copter(state.vehicle_type) else ""
-
-    def last_item(self, total: int, mission_state: int) -> int:
-        """Home is item 0 and not counted. Both fields are extensions: 0 where they are not sent."""
-        return total if mission_state else -1
-
-    def ready_to_arm(self, enabled: int, health: int) -> bool:
-        """Its checks may be switched off."""
-        return not enabled & PREARM_CHECK or bool(health & PREARM_CHECK)
 
     def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:
         """It reckons from 0 N 0 E before it has a fix, and from a height of 0 m before it has a home (AP_AHRS_DCM)."""
@@ -175,10 +160,6 @@ class ArduPilotStack:
         silent = BEYOND_FENCE if is_copter(state.vehicle_type) else ""
         return replace(self._in_guided(state), silent_refusal=silent)
 
-    def stay_at(self, state: VehicleState, goal_ned_m: Vector3, yaw: Yaw) -> list[Any]:  # noqa: ARG002
-        """It keeps the last point in GUIDED."""
-        return []
-
     def global_setpoint(self, state: VehicleState, place: Place, velocity_mps: Vector3, yaw: Yaw) -> Any:
         """With its height above home."""
         frame = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -211,14 +192,6 @@ class ArduPilotStack:
         return Manoeuvre(
             (self.mode_step(state, "AUTO"), start), ("AUTO",), last_modes=last, return_modes=last
         )
-
-    def current_item_step(self, state: VehicleState, seq: int) -> Step:
-        """DO_SET_MISSION_CURRENT."""
-        return command_long(state, int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), float(seq), 0.0)
-
-    def arm(self, state: VehicleState) -> Manoeuvre:
-        """It says why not by itself."""
-        return Manoeuvre((arm_step(state),))
 
     def speed(self, state: VehicleState, speed_mps: float, kind: str) -> Manoeuvre:
         """DO_CHANGE_SPEED."""

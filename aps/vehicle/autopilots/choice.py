@@ -6,13 +6,12 @@ from typing import Final
 
 from aps.vehicle.autopilots.ardupilot import ArduPilotStack
 from aps.vehicle.autopilots.autopilot import FlightStack
-from aps.vehicle.autopilots.other import OtherStack
 from aps.vehicle.autopilots.px4 import Px4Stack
 from aps.wire.dialect import ARDUPILOT, PX4
 
 __all__ = ["autopilot_of"]
 
-_OTHER: Final = OtherStack()
+_OTHER: Final = FlightStack()
 _KNOWN: Final[dict[int, FlightStack]] = {ARDUPILOT: ArduPilotStack(), PX4: Px4Stack()}
 
 

@@ -10,7 +10,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from aps.vehicle.autopilots.autopilot import LOG_LIST, SYSTEM_TIME, TIMESYNC, Circle, Manoeuvre, Target
+from aps.vehicle.autopilots.autopilot import (
+    LOG_LIST,
+    SYSTEM_TIME,
+    TIMESYNC,
+    Circle,
+    FlightStack,
+    Manoeuvre,
+    Target,
+)
 from aps.vehicle.commands.plan import Step
 from aps.vehicle.events import METADATA_PATH
 from aps.vehicle.execution import Refusal
@@ -68,14 +76,11 @@ MODES: Final = {
 """Names as MAVROS and pymavlink spell them."""
 
 
-class Px4Stack:
+class Px4Stack(FlightStack):
     """PX4 copters, fixed wings and VTOL."""
 
     name = "PX4"
-    home_is_an_item = False
-    zero_is_here = False
     bytewise_parameters = True
-    packed_parameters = False
     unrepeatable: Mapping[int, str] = {
         LOG_LIST: "a client listed logs: LOG_ENTRY of PX4 has the times of files, by the machine's clock",
     }
@@ -116,10 +121,6 @@ class Px4Stack:
         number = MODES[mode]
         return set_mode(state, number >> 16 & 0xFF, number >> 24)
 
-    def stick_mode(self, state: VehicleState, mode: str) -> str:  # noqa: ARG002
-        """It enters no mode that reads sticks while nobody sends any."""
-        return ""
-
     def last_item(self, total: int, mission_state: int) -> int:  # noqa: ARG002
         """It counts from 0; the state of the mission is not said by all versions."""
         return total - 1 if 0 < total < NO_MISSION else -1
@@ -127,10 +128,6 @@ class Px4Stack:
     def ready_to_arm(self, enabled: int, health: int) -> bool:  # noqa: ARG002
         """It names the check among what is healthy alone."""
         return bool(health & PREARM_CHECK)
-
-    def is_guess(self, lat_e7: int, lon_e7: int, alt_mm: int, alt_rel_mm: int) -> bool:  # noqa: ARG002
-        """It sends one once it has it."""
-        return False
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """NAV_TAKEOFF here, whatever the vehicle; it holds once it is there."""
