@@ -10,7 +10,7 @@ from fastapi import FastAPI, HTTPException, Request
 from fastapi.responses import PlainTextResponse, Response
 from starlette.requests import ClientDisconnect
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.api.commands import ENDINGS, run
 from aps.api.jobs import Jobs
 from aps.vehicle.missions.files import (
@@ -40,7 +40,7 @@ async def _read(read: Callable[[str], Any], request: Request) -> Any:
         raise HTTPException(400, "the client hung up") from error  # nobody gets it
 
 
-def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
+def add_files(app: FastAPI, backend: DaemonBackend, jobs: Jobs) -> None:
     """Add the routes."""
     lists = _Lists(backend, jobs)
     _add_plan(app, lists)
@@ -52,7 +52,7 @@ def add_files(app: FastAPI, backend: Backend, jobs: Jobs) -> None:
 class _Lists:
     """Missions, fences and rally points of the autopilot."""
 
-    backend: Backend
+    backend: DaemonBackend
     jobs: Jobs
 
     async def download(self, kind: str) -> list[MissionItem]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from aps.vehicle.messages import plain
 
@@ -73,7 +73,7 @@ class Jobs:
         tell: called with each piece of progress and each result, as an event of the stream.
     """
 
-    def __init__(self, backend: Backend, tell: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(self, backend: DaemonBackend, tell: Callable[[dict[str, Any]], None]) -> None:
         self._backend, self._tell = backend, tell
         self._all: dict[int, Job] = {}
         self._next = 1

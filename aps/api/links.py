@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import FastAPI, HTTPException, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.api.guard import is_loopback
 from aps.links.address import parse_address
 
@@ -24,7 +24,7 @@ class NewLinks(BaseModel):
     address: str = Field(description="as in settings, with rules: ``udp-out:127.0.0.1:14551,max-hz=*:2``")
 
 
-def add_links(app: FastAPI, backend: Backend, *, has_token: bool) -> None:
+def add_links(app: FastAPI, backend: DaemonBackend, *, has_token: bool) -> None:
     """Add the routes.
 
     Args:

@@ -11,7 +11,7 @@ from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
 from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.api.commands import UNKNOWN, add_commands
 from aps.api.files import add_files
 from aps.api.guard import POLICY_VIOLATION
@@ -32,7 +32,7 @@ MAX_REASON_BYTES: Final = 123
 """Of a WebSocket's close frame (RFC 6455, 5.5)."""
 
 
-def build(backend: Backend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream, Jobs]:
+def build(backend: DaemonBackend, *, has_token: bool = False) -> tuple[FastAPI, ApiStream, Jobs]:
     """The application of one UA, and the stream and the commands that are to be closed with it.
 
     Args:
@@ -87,7 +87,7 @@ def _sendable(text: str) -> str:
     return text[:MAX_CHARS].encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def _add_looks(app: FastAPI, backend: Backend) -> None:
+def _add_looks(app: FastAPI, backend: DaemonBackend) -> None:
     page = (resources.files("aps.api") / "page.html").read_text(encoding="utf-8")
 
     @app.get("/", include_in_schema=False)
@@ -122,7 +122,7 @@ def _add_looks(app: FastAPI, backend: Backend) -> None:
         return asdict(last)
 
 
-def _add_stream(app: FastAPI, stream: ApiStream, backend: Backend) -> None:
+def _add_stream(app: FastAPI, stream: ApiStream, backend: DaemonBackend) -> None:
     @app.websocket("/stream")
     async def serve(
         socket: WebSocket,
@@ -170,7 +170,7 @@ async def _send(socket: WebSocket, listener: Listener) -> None:
         await socket.send_text(await listener.next())
 
 
-async def _tell_status(backend: Backend, listener: Listener, period_s: float) -> None:
+async def _tell_status(backend: DaemonBackend, listener: Listener, period_s: float) -> None:
     """By wall time: an autopilot that is silent shows, too."""
     while True:
         listener.put({"type": "status", **backend.status()})

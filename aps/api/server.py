@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Self
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.api.guard import ApiConfig, Guard
 from aps.api.pace import PacedApi
 from aps.api.routes import build
@@ -33,7 +33,7 @@ class ApiServer:
 
     def __init__(
         self,
-        backend: Backend,
+        backend: DaemonBackend,
         config: ApiConfig,
         on_failure: Callable[[BaseException], object] = lambda _error: None,
     ) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any, Final
 
-from aps.api.backend import Backend
+from aps.api.backend import DaemonBackend
 from aps.status import plain_state
 from aps.vehicle.messages import as_json
 from aps.vehicle.state import VehicleState
@@ -65,7 +65,7 @@ class Listener:
             return json.dumps({"type": "missed", "events": missed})
         return self._waiting.popleft()
 
-    def look(self, backend: Backend, state: VehicleState) -> None:
+    def look(self, backend: DaemonBackend, state: VehicleState) -> None:
         """There is a new state: send it, and new messages, if they are due."""
         now_ns = time.monotonic_ns()
         if self._period_ns is None or now_ns < self._due_ns:
@@ -86,7 +86,7 @@ class ApiStream:
         backend: the UA.
     """
 
-    def __init__(self, backend: Backend) -> None:
+    def __init__(self, backend: DaemonBackend) -> None:
         self._backend = backend
         self._listeners: list[Listener] = []
         self._end = backend.listen(self._new_state, self._new_text)
