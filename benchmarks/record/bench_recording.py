@@ -26,7 +26,7 @@ import yaml
 
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
-from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.flight import Flight, Watcher
 
 ROOT = Path(__file__).parents[2]
 SLOT = 140
@@ -52,7 +52,7 @@ class Flier(Wander):
 """
 
 
-class Watch(Silent):
+class Watch(Watcher):
     """Notes when the flight is over and its end begins."""
 
     over_s = 0.0

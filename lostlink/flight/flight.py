@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from types import MappingProxyType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from bridge.bus.messages import Clock, Message
 from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
@@ -35,18 +35,22 @@ from lostlink.flight.summary import TickWatch, summarise, write_summary
 from lostlink.flight.verdict import UNJUDGED
 
 
-class Watcher(Protocol):
+class Watcher:
     """Watches a run while it goes on; entered when it begins to fly, left when its summary is there.
+
+    This one shows nothing, and keeps nothing: the summary has all of it.
 
     Attributes:
         glance: where states and link reports are to be kept; None: not wanted.
     """
 
-    glance: Glance | None
+    glance: Glance | None = None
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
-    def __exit__(self, *_: object) -> None: ...
+    def __exit__(self, *_: object) -> None:
+        return None
 
     def on_phase(self, phase: str) -> None:
         """What the supervisor does now, in words."""
@@ -62,33 +66,6 @@ class Watcher(Protocol):
 
     def on_news(self, text: str) -> None:
         """How far the end of the record is."""
-
-
-class Silent:
-    """A watcher that shows nothing."""
-
-    glance: Glance | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
-
-    def on_phase(self, phase: str) -> None:
-        """Pass over it."""
-
-    def on_message(self, message: Message) -> None:
-        """Pass over it."""
-
-    def on_error(self, text: str) -> None:
-        """Pass over it: the summary has it."""
-
-    def on_warning(self, text: str) -> None:
-        """Pass over it: the summary has it."""
-
-    def on_news(self, text: str) -> None:
-        """Pass over it."""
 
 
 class Flight:

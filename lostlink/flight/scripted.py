@@ -19,7 +19,7 @@ from bridge.scenario.file import read_scenario, scenario_from
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import AutopilotName
 from lostlink.flight.exits import WELL, RunOutcome, status_of
-from lostlink.flight.flight import Flight, Silent, Watcher
+from lostlink.flight.flight import Flight, Watcher
 from lostlink.flight.shown.console import plain_console
 from lostlink.flight.shown.progress import Progress
 from lostlink.reading.run import Run, load_run
@@ -124,7 +124,7 @@ def fly(
     with place(read_like(scenario, asked)) as placed:
         preflight(placed, dirs)
         run = RunDirectory.create(RUNS if directory is None else Path(directory), placed.name)
-        watcher: Watcher = Silent() if quiet else Progress(plain_console())
+        watcher = Watcher() if quiet else Progress(plain_console())
         return RunResult(run.path, _in_a_thread(Flight(placed, run, watcher), dirs))
 
 

@@ -47,7 +47,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_of
 from bridge.scenario.resolve.sources import code_of
 from fdm.module_process import how_it_ended
-from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.flight import Flight, Watcher
 from lostlink.reading.run import load_run
 from lostlink.study.made_of import Looker, MadeOf
 from lostlink.study.metrics import of_summary, of_tables, own
@@ -274,7 +274,7 @@ def _flown(plan: CasePlan, directory: Path) -> Path | None:
         preflight(placed, plan.dirs)
         run = RunDirectory.create(directory, placed.name)
         how: How = how_joined(placed)
-        flight = Flight(placed, run, Silent(), "task" if how == "one" else how)
+        flight = Flight(placed, run, Watcher(), "task" if how == "one" else how)
         summary = flight.fly(plan.dirs)
     if flight.signal is not None:
         return None

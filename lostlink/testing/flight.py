@@ -23,7 +23,7 @@ from bridge.record.tables.schema import Table
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.flight.flight import Flight, Silent, Watcher
+from lostlink.flight.flight import Flight, Watcher
 from lostlink.flight.scripted import RunResult, ScenarioLike, read_like
 from lostlink.flight.summary import expectation_lines
 from lostlink.reading.run import Run, load_run
@@ -37,7 +37,7 @@ WARNINGS = 10
 """So many warnings of a flight are told."""
 
 
-class Warned(Silent):
+class Warned(Watcher):
     """A watcher that keeps what a flight warns of while it goes on, the first few."""
 
     def __init__(self) -> None:

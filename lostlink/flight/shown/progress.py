@@ -16,6 +16,7 @@ from rich.text import Text
 from bridge.bus.messages import GROUND_MODE, AgentStatus, AircraftState, Clock, Message
 from bridge.fleet.glance import Glance
 from bridge.timeouts import LOG_PERIOD_S
+from lostlink.flight.flight import Watcher
 from lostlink.flight.shown.live_table import LinkNow, lately, links_now, links_table, ua_table
 from lostlink.flight.shown.say import factor_text, say
 
@@ -31,7 +32,7 @@ IN_A_LINE_MAX = 4
 """UA, and links, that a line names."""
 
 
-class Progress:
+class Progress(Watcher):
     """Shows a run's messages; a live view on a terminal, a line now and then elsewhere, nothing if quiet.
 
     Args:

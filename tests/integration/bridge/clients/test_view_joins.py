@@ -12,13 +12,13 @@ import pytest
 from bridge.fleet.how import How
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
-from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.flight import Flight, Watcher
 from tests.integration.bridge.conftest import STILL
 
 TIMEOUT_S = 60.0
 
 
-class Errors(Silent):
+class Errors(Watcher):
     """Keeps what goes wrong."""
 
     def __init__(self) -> None:

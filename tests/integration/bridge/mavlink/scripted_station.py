@@ -14,7 +14,7 @@ from bridge.record.names import Kind, Stream, inputs_path
 from bridge.record.streams import read_stream
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import parse_scenario
-from lostlink.flight.flight import Flight, Silent
+from lostlink.flight.flight import Flight, Watcher
 
 Said = list[tuple[float, Any]]
 NS_PER_S = 1_000_000_000
@@ -41,7 +41,7 @@ def flown(
     ]
     _write(inputs_path(script, "gcs"), radio, [*beats, *said])
     run = RunDirectory.create(folder / "runs", parsed.name)
-    summary = Flight(parsed, run, Silent()).fly(AutopilotDirs(ardupilot), script, takes_signals=False)
+    summary = Flight(parsed, run, Watcher()).fly(AutopilotDirs(ardupilot), script, takes_signals=False)
     assert summary["ending"] == "duration", summary["error"]
     assert summary["may_not_repeat"] == []
     return run.path, summary
