@@ -39,6 +39,8 @@ class IdleCore:
     Attributes:
         is_ready: whether the probe runs, as it has said. One that may have no real-time priority never does.
         is_over: whether it has ended.
+        asked: places of those of whom it was asked, and has not said yet, that they are at rest.
+        flying: places of those that have their turn.
 
     Raises:
         OSError: no process can be started.
@@ -46,9 +48,9 @@ class IdleCore:
 
     def __init__(self, core: int) -> None:
         self.is_ready = self.is_over = False
-        self._asked: set[int] = set()
+        self.asked: set[int] = set()
+        self.flying: set[int] = set()
         self._joined = 0
-        self._flying: set[int] = set()
         with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
             their_read, self._write = os.pipe()
             theirs.callback(os.close, their_read)
@@ -67,8 +69,8 @@ class IdleCore:
         """Can be read when somebody who was asked about may be at rest, and when the probe has ended."""
         return self._read
 
-    def join(self, pid: int, wake_ports: Sequence[int]) -> int:
-        """A PX4 flies on this core; returns its place.
+    def join(self, pid: int, wake_ports: Sequence[int]) -> CoreShare:
+        """A PX4 flies on this core; returns its part in it.
 
         Args:
             pid: its process.
@@ -81,39 +83,8 @@ class IdleCore:
         if self._joined == PLACES:
             raise ValueError(f"{PLACES} PX4s have flown on one core")
         place, self._joined = self._joined, self._joined + 1
-        self._say(JOIN, place, pid, *wake_ports)
-        return place
-
-    def leave(self, place: int) -> None:
-        """That one flies no more."""
-        self.end_turn(place)
-        self._asked.discard(place)
-        self._say(LEAVE, place)
-
-    def ask(self, place: int) -> None:
-        """Ask for rest, and rest after the wakes."""
-        if place not in self._asked:
-            self._asked.add(place)
-            self._say(ASK, place)
-
-    def is_at_rest(self, place: int) -> bool:
-        """Whether what was asked for is done. Nothing is where the probe has ended."""
-        if place in self._asked:
-            self.hear()
-        return place not in self._asked
-
-    def may_fly(self, place: int) -> bool:
-        """Whether this one has its turn, which it takes if fewer than AT_ONCE have.
-
-        They fly for as long as they may: what each computes with stays in the core's caches.
-        """
-        if len(self._flying) < AT_ONCE:
-            self._flying.add(place)
-        return place in self._flying
-
-    def end_turn(self, place: int) -> None:
-        """It has nothing to do for now."""
-        self._flying.discard(place)
+        self.say(JOIN, place, pid, *wake_ports)
+        return CoreShare(self, place)
 
     def hear(self) -> None:
         """Take what the probe has said."""
@@ -125,7 +96,7 @@ class IdleCore:
             self.is_ready, self.is_over = False, True
         elif READY in said:
             self.is_ready = True
-        self._asked.difference_update(said)
+        self.asked.difference_update(said)
 
     def close(self) -> None:
         """End it; again has no effect. Before the PX4s: one that spins leaves the probe no time to end."""
@@ -136,7 +107,8 @@ class IdleCore:
         except subprocess.TimeoutExpired:
             self._process.kill()
 
-    def _say(self, *words: str | int) -> None:
+    def say(self, *words: str | int) -> None:
+        """Tell the probe something."""
         try:
             os.write(self._write, f"{' '.join(map(str, words))}\n".encode())
         except OSError as error:
@@ -149,15 +121,11 @@ class CoreShare:
 
     Args:
         core: the core.
-        pid: see `IdleCore.join`.
-        wake_ports: see `IdleCore.join`.
-
-    Raises:
-        ValueError: there are too many.
+        place: what the PX4 is called there.
     """
 
-    def __init__(self, core: IdleCore, pid: int, wake_ports: Sequence[int]) -> None:
-        self._core, self._place = core, core.join(pid, wake_ports)
+    def __init__(self, core: IdleCore, place: int) -> None:
+        self._core, self._place = core, place
 
     @property
     def is_ready(self) -> bool:
@@ -170,24 +138,35 @@ class CoreShare:
         return self._core.is_over
 
     def may_fly(self) -> bool:
-        """Whether it has its turn, which it takes if there is one."""
-        return self._core.may_fly(self._place)
+        """Whether it has its turn, which it takes if fewer than AT_ONCE have.
+
+        They fly for as long as they may: what each computes with stays in the core's caches.
+        """
+        if len(self._core.flying) < AT_ONCE:
+            self._core.flying.add(self._place)
+        return self._place in self._core.flying
 
     def end_turn(self) -> None:
         """It has nothing to do for now."""
-        self._core.end_turn(self._place)
+        self._core.flying.discard(self._place)
 
     def ask(self) -> None:
         """Ask for rest, and rest after the wakes."""
-        self._core.ask(self._place)
+        if self._place not in self._core.asked:
+            self._core.asked.add(self._place)
+            self._core.say(ASK, self._place)
 
     def is_at_rest(self) -> bool:
-        """Whether what was asked for is done."""
-        return self._core.is_at_rest(self._place)
+        """Whether what was asked for is done. Nothing is where the probe has ended."""
+        if self._place in self._core.asked:
+            self._core.hear()
+        return self._place not in self._core.asked
 
     def leave(self) -> None:
         """It flies no more, or is looked at from now on."""
-        self._core.leave(self._place)
+        self.end_turn()
+        self._core.asked.discard(self._place)
+        self._core.say(LEAVE, self._place)
 
 
 class IdleCores:
@@ -218,7 +197,7 @@ class IdleCores:
             if core not in self._cores:
                 self._cores[core] = IdleCore(core)
                 self._listen(self._cores[core].fileno(), partial(self._hear, self._cores[core]))
-            return None if self._cores[core].is_over else CoreShare(self._cores[core], pid, wake_ports)
+            return None if self._cores[core].is_over else self._cores[core].join(pid, wake_ports)
         except (OSError, ValueError) as error:
             _log.debug("whether PX4 (process %d) is at rest is looked for: %s", pid, error)
             return None

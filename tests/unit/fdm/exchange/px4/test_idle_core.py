@@ -93,8 +93,8 @@ def comes(about, within_s=20.0):
     return True
 
 
-def rests_at_ns(core, which):
-    assert comes(lambda: core.is_at_rest(which))
+def rests_at_ns(share):
+    assert comes(share.is_at_rest)
     return time.monotonic_ns()
 
 
@@ -103,24 +103,24 @@ def rests_at_ns(core, which):
 def test_it_is_at_rest_when_its_real_time_threads_have_ended_what_they_do(core, start, priority):
     """Also those of the priority that the probe has."""
     program = start(priority)
-    which = core.join(program.pid, ())
-    assert core.is_at_rest(which), "nobody has asked"
+    share = core.join(program.pid, ())
+    assert share.is_at_rest(), "nobody has asked"
     for _ in range(3):
         program.work()
-        core.ask(which)
-        assert rests_at_ns(core, which) > program.ended_ns()
-    core.ask(which)
-    assert rests_at_ns(core, which)
+        share.ask()
+        assert rests_at_ns(share) > program.ended_ns()
+    share.ask()
+    assert rests_at_ns(share)
 
 
 @pytest.mark.slow
 def test_it_is_woken_at_rest_and_rests_again(core, start):
     """The wake has it work anew."""
     program = start()
-    which = core.join(program.pid, (program.port,))
+    share = core.join(program.pid, (program.port,))
     program.work()
-    core.ask(which)
-    rested_ns = rests_at_ns(core, which)
+    share.ask()
+    rested_ns = rests_at_ns(share)
     first_ns = program.ended_ns()
     assert program.process.stdout.readline() == "works\n"
     assert first_ns + WORKS_S * 1e9 <= program.ended_ns() < rested_ns
@@ -129,44 +129,44 @@ def test_it_is_woken_at_rest_and_rests_again(core, start):
 @pytest.mark.slow
 def test_who_is_asked_about_beside_one_that_works_waits_for_it(core, start):
     first, second = start(), start()
-    places = [core.join(program.pid, ()) for program in (first, second)]
+    shares = [core.join(program.pid, ()) for program in (first, second)]
     first.work()
-    for which in places:
-        core.ask(which)
-    assert rests_at_ns(core, places[1]) > first.ended_ns()
-    assert rests_at_ns(core, places[0])
+    for share in shares:
+        share.ask()
+    assert rests_at_ns(shares[1]) > first.ended_ns()
+    assert rests_at_ns(shares[0])
 
 
 def test_a_stopped_program_is_at_rest_and_holds_nobody(core, start):
     stopped, other = start(), start()
-    places = [core.join(program.pid, ()) for program in (stopped, other)]
+    shares = [core.join(program.pid, ()) for program in (stopped, other)]
     os.kill(stopped.pid, signal.SIGSTOP)
-    for which in places:
-        core.ask(which)
-    assert all(rests_at_ns(core, which) for which in places)
+    for share in shares:
+        share.ask()
+    assert all(rests_at_ns(share) for share in shares)
 
 
 def test_a_program_that_has_ended_or_left_holds_nobody(core, start):
     ended, left, other = start(), start(), start()
-    places = [core.join(program.pid, ()) for program in (ended, left, other)]
+    shares = [core.join(program.pid, ()) for program in (ended, left, other)]
     ended.close()
-    core.ask(places[1])
-    core.leave(places[1])
-    core.ask(places[0])
-    core.ask(places[2])
-    assert rests_at_ns(core, places[0])
-    assert rests_at_ns(core, places[2])
+    shares[1].ask()
+    shares[1].leave()
+    shares[0].ask()
+    shares[2].ask()
+    assert rests_at_ns(shares[0])
+    assert rests_at_ns(shares[2])
 
 
 def test_a_probe_that_is_killed_is_asked_no_more(core):
-    which = core.join(os.getpid(), ())
+    share = core.join(os.getpid(), ())
     os.kill(core._process.pid, signal.SIGKILL)
     core._process.wait()
-    core.ask(which)
+    share.ask()
     core.hear()
     assert core.is_over
     assert not core.is_ready
-    assert not core.is_at_rest(which)
+    assert not share.is_at_rest()
 
 
 def test_the_probe_ends_with_who_asks(core):
