@@ -14,8 +14,8 @@ from bridge.scenario.resolve.radio import radios_of
 from channel.propagation.terrain import Terrain
 from channel.validity import OutsideValidityError
 from lostlink.plan.below_ground import BELOW_M
-from lostlink.plan.named import named
 from lostlink.reading.air.use import NS_PER_S
+from lostlink.reading.named import named
 from lostlink.reading.positions import Floats, places_of
 
 

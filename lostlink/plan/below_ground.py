@@ -14,8 +14,8 @@ from channel.link.radio import Radio
 from channel.propagation.terrain import Terrain
 from channel.validity import OutsideValidityError
 from channel.variant import name_of
-from lostlink.plan.named import named
 from lostlink.plan.start_positions import start_ned_m
+from lostlink.reading.named import named
 
 BELOW_M = 2.0
 """Deeper than what grids of heights are off by."""

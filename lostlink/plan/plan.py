@@ -23,7 +23,6 @@ from lostlink.plan.below_ground import below_ground
 from lostlink.plan.late import too_late
 from lostlink.plan.left_out import left_out
 from lostlink.plan.load import NodeLoad, OfferedLoad, offered_load, without_messages
-from lostlink.plan.named import named
 from lostlink.plan.radios.flow import overflows
 from lostlink.plan.radios.held import held_back
 from lostlink.plan.radios.links import RadioLinks, links_of, unlinked
@@ -35,6 +34,7 @@ from lostlink.plan.start_positions import start_ned_m
 from lostlink.plan.untaken import untaken
 from lostlink.plan.validity import beyond_validity
 from lostlink.reading.air.capacity import Capacity
+from lostlink.reading.named import named
 
 AIRTIME_MAX = 1.0
 

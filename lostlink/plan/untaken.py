@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 from bridge.scenario.model import Scenario
-from lostlink.plan.named import named
+from lostlink.reading.named import named
 
 
 def untaken(scenario: Scenario) -> Iterator[str]:

@@ -11,6 +11,7 @@ from bridge.record.streams import stream_exists
 from bridge.record.tables.every import TABLES
 from bridge.record.tables.logged import LOGGED_FILE
 from bridge.run.directory import LOG_FOLDER
+from lostlink.reading.named import named
 
 _TABLES: Final = {table.name: table for table in TABLES}
 SHOWN: Final = 6
@@ -34,8 +35,7 @@ def lost_parts(run: Path, summary: Mapping[str, Any]) -> list[str]:
 
 def in_words(parts: Sequence[str]) -> str:
     """Some of them, and how many more there are."""
-    more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
-    return f"{', '.join(parts[:SHOWN])}{more}"
+    return named(parts, most=SHOWN)
 
 
 def _is_there(run: Path, name: str) -> bool:

@@ -16,6 +16,7 @@ from lostlink.flight.summary import (
     of_transmissions,
     shares_draws,
 )
+from lostlink.reading.named import named
 
 LINKS_MAX = 3
 """Of a row, that are named."""
@@ -65,13 +66,7 @@ def _table(bins: list[dict[str, Any]], network: str) -> Table:
             f"{delivered / sent:.3f}",
             f"{predicted:.3f}",
             *([] if shared else [f"{low:.3f}-{high:.3f}"]),
-            *([_some(outside)] if outside else []),
+            *([named(outside, most=LINKS_MAX)] if outside else []),
             style="red" if outside else ("" if sent >= BIN_SENT_MIN else "dim"),
         )
     return table
-
-
-def _some(links: list[str]) -> str:
-    """The first links; how many more there are."""
-    more = len(links) - LINKS_MAX
-    return ", ".join(links[:LINKS_MAX]) + (f" and {more} more" if more > 0 else "")

@@ -15,8 +15,8 @@ from channel.link.radio import Radio
 from channel.numbers.units import db_from_ratio, ratio_from_db
 from channel.own.methods import OwnModelError
 from channel.validity import OutsideValidityError
-from lostlink.plan.named import named
 from lostlink.plan.start_positions import Places, path_to, places_at_start
+from lostlink.reading.named import named
 
 
 def held_back(scenario: Scenario, networks: Collection[str] | None = None) -> Iterator[str]:
