@@ -20,11 +20,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import degrees
 
 from fdm.errors import ModelDivergedError
-from fdm.model.geodesy import GeodeticPosition, Home, Vector, measured_place
+from fdm.model.geodesy import Home, measured_place
 from fdm.wire.sensor_frame import PLAUSIBLE_MAX, Encoder
 from fdm.wire.servo_packet import FRAME_COUNT_MODULUS, FRAME_RATE_MIN_HZ, Fields
 
@@ -35,35 +34,9 @@ _STATE = struct.Struct("<Q17dI")
 _CHANNELS = 11
 
 
-@dataclass(frozen=True, slots=True)
-class LegacyState:
-    """A state datagram, as a client sees it; rates and angles in degrees as on the wire."""
-
-    time_us: int
-    position: GeodeticPosition
-    heading_deg: float
-    velocity_ned_mps: Vector
-    specific_force_frd_mps2: Vector
-    body_rates_frd_degps: Vector
-    attitude_deg: Vector
-    airspeed_eas_mps: float
-
-
 def legacy_ports(index: int) -> tuple[int, int]:
     """UDP ports of UA `index`: where its state goes to, and where its servo outputs come to."""
     return STATE_PORT_BASE + PORT_STRIDE * index, SERVO_PORT_BASE + PORT_STRIDE * index
-
-
-def encode_legacy_servos(servo_output_us: tuple[int, ...]) -> bytes:
-    """The datagram of 11 pulse widths, us.
-
-    Raises:
-        ValueError: not 11 numbers from 0 to 65535.
-    """
-    try:
-        return _SERVOS.pack(*servo_output_us, 0, 0, 0)
-    except struct.error as error:
-        raise ValueError(f"{servo_output_us}: {error}") from None
 
 
 def make_legacy_unpacker(rate_hz: int) -> Callable[[bytes], Fields | str]:
@@ -110,26 +83,3 @@ def make_legacy_encoder(home: Home) -> Encoder:
         )
 
     return encode
-
-
-def decode_legacy_state(datagram: bytes) -> LegacyState | None:
-    """The state in `datagram`, or None if it holds none. Never raises."""
-    if len(datagram) != _STATE.size:
-        return None
-    time_us, *v, magic = _STATE.unpack(datagram)
-    if magic != STATE_MAGIC:
-        return None
-    try:
-        place = GeodeticPosition(v[0], v[1], v[2])
-    except ValueError:
-        return None
-    return LegacyState(
-        time_us,
-        place,
-        v[3],
-        (v[4], v[5], v[6]),
-        (v[7], v[8], v[9]),
-        (v[10], v[11], v[12]),
-        (v[13], v[14], v[15]),
-        v[16],
-    )

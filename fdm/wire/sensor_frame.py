@@ -41,13 +41,11 @@ _TAIL = b',"no_time_sync":1}\n'
 
 BASE_COUNT = 17
 """Numbers in a frame without options: timestamp, gyro, accel, position, attitude, velocity, airspeed."""
-EXTRA_COUNTS = {"rangefinder": 1, "windvane": 2}
-"""Numbers that each optional sensor adds, in the order in which they are sent."""
 PLAUSIBLE_MAX = 1e8
 """A frame whose numbers sum to more than this is no flight: the model has diverged."""
 
 Numbers = tuple[float, ...]
-"""Of a frame: BASE_COUNT, then those of the extras in the order of EXTRA_COUNTS."""
+"""Of a frame: BASE_COUNT, then those of the optional sensors, in the order in which they are sent."""
 Encoder = Callable[[Numbers], bytes]
 Rounder = Callable[[Numbers], Numbers]
 _EXTRA_SCALES = {"rangefinder": (1e4,), "windvane": (1e5, 1e4)}
@@ -143,31 +141,6 @@ def _known(extras: tuple[str, ...]) -> list[str]:
         if name not in _EXTRAS:
             raise ValueError(f"unknown sensor {name!r}: known are {', '.join(_EXTRAS)}")
     return [name for name in _EXTRAS if name in extras]
-
-
-def encode_sensor_frame(frame: SensorFrame) -> bytes:
-    """The datagram of `frame`.
-
-    Raises:
-        ModelDivergedError: a number is not finite.
-    """
-    values: tuple[float, ...] = (
-        frame.timestamp_s,
-        *frame.gyro_frd_radps,
-        *frame.specific_force_frd_mps2,
-        *frame.position_ned_m,
-        *frame.attitude_rad,
-        *frame.velocity_ned_mps,
-        frame.airspeed_eas_mps,
-    )
-    extras: list[str] = []
-    if frame.rangefinder_m is not None:
-        extras.append("rangefinder")
-        values += (frame.rangefinder_m,)
-    if frame.windvane_direction_rad is not None and frame.windvane_speed_mps is not None:
-        extras.append("windvane")
-        values += (frame.windvane_direction_rad, frame.windvane_speed_mps)
-    return make_encoder(extras)(values)
 
 
 def decode_sensor_frame(datagram: bytes) -> SensorFrame | None:

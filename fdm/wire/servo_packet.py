@@ -11,7 +11,6 @@ Little-endian, no padding (ArduPilot ``SIM_JSON.h``, ``servo_packet_16`` and ``s
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 MAGIC_16 = 18458
@@ -84,18 +83,6 @@ def unpack_servo_packet(datagram: bytes) -> Fields | str:
     if fields[0] != magic:
         return "bad_magic"
     return fields if fields[1] >= FRAME_RATE_MIN_HZ else "bad_frame_rate"
-
-
-def decode_servo_packet(datagram: bytes) -> ServoPacket | None:
-    """The packet in `datagram`, or None if it holds none. Never raises."""
-    fields = unpack_servo_packet(datagram)
-    if isinstance(fields, str):
-        return None
-    return ServoPacket(fields[1], fields[2], _pwm(fields))
-
-
-def _pwm(fields: Sequence[int]) -> tuple[int, ...]:
-    return tuple(fields[PWM_OFFSET:])
 
 
 DROP_REASONS = ("bad_length", "bad_magic", "bad_frame_rate")

@@ -14,9 +14,10 @@ from click.testing import CliRunner
 
 from fdm.__main__ import main
 from fdm.model.airframe import AIRFRAMES_DIR
-from fdm.wire.legacy import decode_legacy_state, encode_legacy_servos, legacy_ports
+from fdm.wire.legacy import legacy_ports
 from fdm.wire.sensor_frame import decode_sensor_frame
 from fdm.wire.servo_packet import ServoPacket, encode_servo_packet
+from tests.unit.fdm.wire.legacy_peer import servos, state_of
 
 WAIT_S = 20.0
 
@@ -146,8 +147,8 @@ def test_the_command_serves_a_legacy_peer():
             try:
                 port = int(process.stdout.readline().rpartition(":")[2])
                 for number in (1, 2):
-                    peer.sendto(encode_legacy_servos((1000,) * 11), ("127.0.0.1", port))
-                    assert decode_legacy_state(peer.recv(1024)).time_us == number * 5000
+                    peer.sendto(servos((1000,) * 11), ("127.0.0.1", port))
+                    assert state_of(peer.recv(1024)).time_us == number * 5000
             finally:
                 process.kill()
 

@@ -24,11 +24,11 @@ from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home, geodetic_from_ned
 from fdm.model.jsbsim_model import JsbsimModel
 from fdm.model.sensor_noise import SensorNoise
-from fdm.wire.legacy import decode_legacy_state, encode_legacy_servos
 from fdm.wire.lockstep import RESEND_SILENCE_NS
 from fdm.wire.sensor_frame import decode_sensor_frame
 from fdm.wire.servo_packet import ServoPacket, encode_servo_packet
 from fdm.workers.fleet_exchange import open_exchange
+from tests.unit.fdm.wire.legacy_peer import servos, state_of
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
 STANDING = (1000,) * 16
@@ -642,10 +642,10 @@ def test_a_legacy_peer_gets_its_state_on_its_own_port(start):
         running = start(specs=[AircraftSpec(0, load_airframe("f450"), HOME, 0, legacy=legacy)])
         sender = running.clients[0]
         for number in range(1, 201):
-            sender.sock.sendto(encode_legacy_servos((1600,) * 4 + (0,) * 7), sender.address)
-            state = decode_legacy_state(inbox.recv(1024))
+            sender.sock.sendto(servos((1600,) * 4 + (0,) * 7), sender.address)
+            state = state_of(inbox.recv(1024))
             assert state.time_us == number * 5000
-        assert state.position.alt_amsl_m > 402.0
+        assert state.alt_amsl_m > 402.0
         assert running.exchange.counters(0) == {"boots": 1, "frames": 199}
 
 

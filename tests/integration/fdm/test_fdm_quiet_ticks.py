@@ -17,9 +17,9 @@ from fdm.exchange.aircraft_spec import AircraftSpec, LegacyPeer
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
 from fdm.model.sensor_noise import SensorNoise
-from fdm.wire.legacy import encode_legacy_servos
 from fdm.wire.servo_packet import ServoPacket, encode_servo_packet
 from fdm.workers.fleet_exchange import open_exchange
+from tests.unit.fdm.wire.legacy_peer import servos
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
 MS = 1_000_000
@@ -72,7 +72,7 @@ class Pilot(threading.Thread):
         packet = ServoPacket(self.rate_hz, count, pwm)
         while not self.quit:
             self._servos.sendto(
-                encode_legacy_servos(pwm[:11]) if self._legacy else encode_servo_packet(packet), self._address
+                servos(pwm[:11]) if self._legacy else encode_servo_packet(packet), self._address
             )
             with contextlib.suppress(TimeoutError):
                 answer = self._states.recv(4096)

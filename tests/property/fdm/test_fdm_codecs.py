@@ -2,14 +2,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fdm.wire.lockstep import STEPPING, Lockstep
-from fdm.wire.sensor_frame import SensorFrame, decode_sensor_frame, encode_sensor_frame
-from fdm.wire.servo_packet import (
-    DROP_REASONS,
-    ServoPacket,
-    decode_servo_packet,
-    encode_servo_packet,
-    unpack_servo_packet,
-)
+from fdm.wire.sensor_frame import decode_sensor_frame, make_encoder
+from fdm.wire.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 u16 = st.integers(0, 2**16 - 1)
 packets = st.builds(
@@ -19,13 +13,14 @@ packets = st.builds(
     st.sampled_from([16, 32]).flatmap(lambda n: st.tuples(*[u16] * n)),
 )
 number = st.floats(-1e4, 1e4)
-vectors = st.tuples(number, number, number)
-frames = st.builds(SensorFrame, st.floats(0, 1e6), vectors, vectors, vectors, vectors, vectors, number)
+frames = st.tuples(st.floats(0, 1e6), *[number] * 16)
+encode_frame = make_encoder()
 
 
 @given(packets)
 def test_servo_packets_round_trip(packet):
-    assert decode_servo_packet(encode_servo_packet(packet)) == packet
+    _, *fields = unpack_servo_packet(encode_servo_packet(packet))
+    assert fields == [packet.frame_rate_hz, packet.frame_count, *packet.servo_output_us]
 
 
 @given(
@@ -45,23 +40,17 @@ def test_a_packet_with_a_broken_magic_is_refused(packet, flip):
 
 @given(frames)
 def test_sensor_frames_round_trip(frame):
-    back = decode_sensor_frame(encode_sensor_frame(frame))
-    assert abs(back.timestamp_s - frame.timestamp_s) <= 1e-9
-    pairs = [
-        *zip(back.position_ned_m, frame.position_ned_m, strict=True),
-        *zip(back.gyro_frd_radps, frame.gyro_frd_radps, strict=True),
-        *zip(back.attitude_rad, frame.attitude_rad, strict=True),
-        *zip(back.velocity_ned_mps, frame.velocity_ned_mps, strict=True),
-        *zip(back.specific_force_frd_mps2, frame.specific_force_frd_mps2, strict=True),
-    ]
+    back = decode_sensor_frame(encode_frame(frame))
+    assert abs(back.timestamp_s - frame[0]) <= 1e-9
+    vectors = back.gyro_frd_radps, back.specific_force_frd_mps2, back.position_ned_m, back.attitude_rad
+    numbers = [number for vector in (*vectors, back.velocity_ned_mps) for number in vector]
+    pairs = zip((*numbers, back.airspeed_eas_mps), frame[1:], strict=True)
     assert all(abs(got - sent) <= 1e-5 for got, sent in pairs)
 
 
 @given(
     st.binary(max_size=400)
-    | frames.map(encode_sensor_frame).flatmap(
-        lambda good: st.integers(0, len(good)).map(lambda cut: good[:cut])
-    )
+    | frames.map(encode_frame).flatmap(lambda good: st.integers(0, len(good)).map(lambda cut: good[:cut]))
 )
 def test_any_bytes_are_a_sensor_frame_or_none(datagram):
     frame = decode_sensor_frame(datagram)
