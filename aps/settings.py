@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from aps.config import DaemonConfig
 from aps.links.address import parse_address, parse_autopilot, parse_host_port
-from sitl_configs.yaml_text import YamlMistake, read_yaml
+from sitl_configs.config_file import read_model
 
 __all__ = ["DaemonSettings", "FileSettings", "SettingsError", "read_settings"]
 
@@ -90,21 +90,4 @@ def read_settings(path: Path) -> FileSettings:
     Raises:
         SettingsError: it cannot be read, is no YAML, or has wrong keys or values.
     """
-    try:
-        return FileSettings.model_validate(read_yaml(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: is not UTF-8 text") from error
-    except YamlMistake as error:
-        raise SettingsError(f"{path}{'' if error.line is None else f':{error.line}'}: {error}") from error
-    except ValidationError as error:
-        raise SettingsError(mistakes(error, str(path))) from error
-
-
-def mistakes(error: ValidationError, where: str) -> str:
-    """One line per mistake: where, key, what."""
-    return "\n".join(
-        f"{where}: {'.'.join(str(step) for step in item['loc'])}: {item['msg']}, not {item['input']!r}"
-        for item in error.errors()
-    )
+    return read_model(path, FileSettings, SettingsError)

@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+
+from sitl_configs.config_file import lines_of
+from sitl_configs.settings import models_in
 
 Tree = dict[str, Any]
 WORDS = {
@@ -158,7 +160,7 @@ def _models_at(groups: Sequence[str], tree: Tree, model: type[BaseModel]) -> lis
             m
             for model in models
             if group in model.model_fields
-            for m in _models_in(model.model_fields[group].annotation)
+            for m in models_in(model.model_fields[group].annotation)
         ]
         here = here.get(group) if isinstance(here, Mapping) else None
         chosen = here.get("model") if isinstance(here, Mapping) else None
@@ -184,12 +186,6 @@ def _names_beside(key: str, tree: Tree, model: type[BaseModel]) -> list[str]:
     return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
 
 
-def _models_in(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
-
-
 def line_of(file: Path, key: str) -> int | None:
     """Return the line on which the deepest part of a dotted key stands in a YAML file."""
     lines = _lines_of(file, key)
@@ -202,18 +198,4 @@ def has_key(file: Path, key: str) -> bool:
 
 
 def _lines_of(file: Path, key: str) -> list[int]:
-    """The lines of a dotted key's parts, as far as they stand in a YAML file."""
-    node = yaml.compose(file.read_text(encoding="utf-8"))
-    lines: list[int] = []
-    for part in key.split("."):
-        if isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
-            node = node.value[int(part)]
-            lines.append(node.start_mark.line + 1)
-            continue
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        found = next((pair for pair in pairs if pair[0].value == part), None)
-        if found is None:
-            break
-        node = found[1]
-        lines.append(found[0].start_mark.line + 1)
-    return lines
+    return lines_of(file.read_text(encoding="utf-8"), key.split("."))

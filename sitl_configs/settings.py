@@ -32,6 +32,13 @@ def refused(text: str, *key: str | int) -> ValidationError:
     return ValidationError.from_exception_data("settings", [InitErrorDetails(type=kind, loc=key, input={})])
 
 
+def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """All models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (annotation,)
+    return tuple(model for part in get_args(annotation) for model in models_in(part))
+
+
 class _NoNumber:
     """true or false where a number has to be: it would count as 1 or 0, and no number is made of this."""
 

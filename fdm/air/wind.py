@@ -17,10 +17,10 @@ from pydantic import Field, model_validator
 
 from fdm.air.turbulence import DrydenTurbulence
 from fdm.air.wind_map import MapWind, load_wind_map
-from fdm.config_file import read_model, unknown
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint, Wind
 from fdm.model.truth import Vector
+from sitl_configs.config_file import read_model, unknown
 from sitl_configs.settings import Settings, refused
 
 WINDS_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "wind"

@@ -11,8 +11,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from fdm.config_file import read_model, unknown
 from fdm.errors import AirframeError
+from sitl_configs.config_file import read_model, unknown
 from sitl_configs.settings import Settings
 
 AIRFRAMES_DIR = Path(__file__).resolve().parents[2] / "sitl_configs" / "airframes"

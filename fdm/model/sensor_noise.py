@@ -13,9 +13,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fdm.config_file import read_model
 from fdm.errors import SensorNoiseError
 from fdm.model.truth import Vector
+from sitl_configs.config_file import read_model
 from sitl_configs.settings import Settings
 
 Sigma = Annotated[float, Field(ge=0)]

@@ -9,8 +9,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from bridge.scenario.document.written import Path_, Written, WrittenPlace
-from bridge.scenario.mistakes.keys import ErrorSpot, allowed_keys, fields_of, models_in, spot_of, tags_of
+from bridge.scenario.mistakes.keys import ErrorSpot, allowed_keys, fields_of, spot_of, tags_of
 from bridge.scenario.mistakes.near import meant, near_miss
+from sitl_configs.settings import models_in
 
 EXTRA = "extra_forbidden"
 """What pydantic calls a key that is not there."""

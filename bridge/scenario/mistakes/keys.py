@@ -7,6 +7,8 @@ from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
 
+from sitl_configs.settings import models_in
+
 Models = tuple[type[BaseModel], ...]
 BRANCHES = {"str", "float", "int", "bool", "none"}
 """Steps that pydantic makes of types; others have brackets, or begin with constrained-."""
@@ -70,13 +72,6 @@ def fields_of(model: type[BaseModel]) -> dict[str, Any]:
 def tags_of(models: Models, key: str) -> list[str]:
     """The words by which one of several models is chosen."""
     return [tag for model in models for tag in _literals(fields_of(model).get(key))]
-
-
-def models_in(annotation: Any) -> Models:
-    """All models that a type is made of."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return (annotation,)
-    return tuple(model for part in get_args(annotation) for model in models_in(part))
 
 
 def _inner(models: Models, step: str | int) -> Models | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bridge.scenario.mistakes.keys import models_in
+from sitl_configs.settings import models_in
 
 Schema = dict[str, Any]
 DEFINITIONS = "#/definitions/"

@@ -149,8 +149,11 @@ async def test_a_file_of_daemons_with_udp_output_and_tlog(autopilot, make_udp_pe
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("daemons: [{sysid: 0}]", "daemons.0.sysid: Input should be greater than or equal to 1, not 0"),
-        ("daemons: [{udp: x}]", "daemons.0.udp: Extra inputs are not permitted"),
+        (
+            "daemons: [{sysid: 0}]",
+            "daemons.yaml:1: daemons.0.sysid: has to be greater than or equal to 1 (got 0)",
+        ),
+        ("daemons:\n- {index: 1}\n- {udp: x}", "daemons.yaml:3: daemons.1.udp: unknown key; "),
         ("daemons: [{udp_out: [nowhere]}]", "'udp-out:nowhere' is not udp-out:HOST:PORT"),
         ("[", "daemons.yaml:1: is not YAML: "),
         ("[" * 100_000, "daemons.yaml: is nested too deeply"),

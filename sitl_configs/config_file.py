@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from sitl_configs.settings import models_in
 from sitl_configs.yaml_text import YamlMistake, read_yaml, ships
 
 M = TypeVar("M", bound=BaseModel)
@@ -69,7 +70,8 @@ def _explained(path: Path, text: str, error: ValidationError, model: type[BaseMo
         if location[-1:] == ("float",) and not _is_key(content, location):
             location = location[:-1]
         key = ".".join(str(part) for part in location) or "(file)"
-        yield f"{path}:{line_of(text, location)}: {key}: {_message(problem, model)}"
+        line = lines_of(text, location)[-1:] or [1]
+        yield f"{path}:{line[0]}: {key}: {_message(problem, model)}"
 
 
 def _is_key(content: Any, location: tuple[int | str, ...]) -> bool:
@@ -108,32 +110,25 @@ def _models_at(model: type[BaseModel], groups: Iterable[int | str]) -> list[type
                 inner
                 for one in here
                 if group in one.model_fields
-                for inner in _models_in(one.model_fields[group].annotation)
+                for inner in models_in(one.model_fields[group].annotation)
             ]
     return here
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models_in(part)
-
-
-def line_of(text: str, location: tuple[int | str, ...]) -> int:
-    """Line of the deepest node on the way to `location` that the file has (from 1)."""
+def lines_of(text: str, location: Iterable[int | str]) -> list[int]:
+    """Lines (from 1) of the nodes on the way to `location`, as far as the file has them."""
     node: Any = yaml.compose(text)
-    line = 1
+    lines: list[int] = []
     for part in location:
         if isinstance(node, yaml.MappingNode):
-            pairs = {key.value: (key, value) for key, value in node.value}
-            if part not in pairs:
+            found = next((pair for pair in node.value if pair[0].value == str(part)), None)
+            if found is None:
                 break
-            key, node = pairs[part]
-            line = key.start_mark.line + 1
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-            node = node.value[part]
-            line = node.start_mark.line + 1
+            key, node = found
+            lines.append(key.start_mark.line + 1)
+        elif isinstance(node, yaml.SequenceNode) and str(part).isdigit() and int(part) < len(node.value):
+            node = node.value[int(part)]
+            lines.append(node.start_mark.line + 1)
         else:
             break
-    return line
+    return lines
