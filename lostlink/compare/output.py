@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import monotonic
 from typing import Any
-
-import click
 
 from bridge.record.tables.every import TABLES
 from lostlink.compare.difference import Comparison, Difference, seconds
 
 SCHEMA = 1
-PROGRESS_PERIOD_S = 2.0
 
 
 def as_text(comparison: Comparison, run_a: Path, run_b: Path) -> str:
@@ -42,16 +38,3 @@ def as_plain(comparison: Comparison) -> dict[str, Any]:
         "entries": comparison.entries,
         "ticks": comparison.ticks,
     }
-
-
-class CompareProgress:
-    """A line on stderr every two seconds, so that a long comparison is seen to go on."""
-
-    def __init__(self) -> None:
-        self._next_line = monotonic() + PROGRESS_PERIOD_S
-
-    def __call__(self, stream: str, entries: int) -> None:
-        """Take how far the comparison is."""
-        if monotonic() >= self._next_line:
-            self._next_line = monotonic() + PROGRESS_PERIOD_S
-            click.echo(f"comparing {stream}: {entries} entries so far", err=True)

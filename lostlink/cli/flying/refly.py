@@ -15,11 +15,11 @@ from bridge.fleet.course import FleetError
 from bridge.fleet.preflight.preflight import preflight
 from bridge.run.directory import RunDirectory
 from lostlink.cli.exits import fail, tell
+from lostlink.cli.now_and_then import comparing
 from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import FirstSlot, at_ports, first_slot_option, slot_asked
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import px4_option
-from lostlink.compare.output import CompareProgress
 from lostlink.flight.exits import DISAGREES, WELL
 from lostlink.flight.shown.say import say
 from lostlink.flight.signals import signals_held
@@ -116,7 +116,7 @@ def refly(
                     _flight(),
                     dirs=dirs,
                     quiet=silent,
-                    on_progress=None if silent else CompareProgress(),
+                    on_progress=None if silent else comparing(),
                 )
     except Interrupted:
         fail(f"interrupted; nothing was compared; the new run is {directory.path}", EXIT_INTERRUPTED)

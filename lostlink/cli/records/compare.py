@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lostlink.cli.exits import fail
+from lostlink.cli.now_and_then import comparing, reporting
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.shown_table import print_table
-from lostlink.compare.output import CompareProgress, as_plain, as_text
+from lostlink.compare.output import as_plain, as_text
 from lostlink.flight.shown.say import say
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def _identity(runs: tuple[Path, ...], *, as_json: bool) -> None:
         for run in runs:
             if RunDirectory(run).is_live:
                 raise ValueError(f"{run}: this run has not ended yet: what is compared would grow meanwhile")
-        comparison = examine(run_a, run_b, on_progress=CompareProgress())
+        comparison = examine(run_a, run_b, on_progress=comparing())
         others = others_made_by(runs)
         settings = {} if comparison.difference is None else _settings(runs)
         forged = {str(run): mistakes for run in (run_a, run_b) if (mistakes := mistakes_in_summary(run))}
@@ -103,12 +104,12 @@ def _settings(runs: tuple[Path, ...]) -> dict[str, Any]:
 
 def _table(runs: tuple[Path, ...], html: Path | None, *, as_json: bool, is_told: bool = False) -> bool:
     """Show runs side by side; gives whether a summary is other than its record, and tells so unless that was done."""
-    from lostlink.cli.records.report import Teller, tell_mistakes
+    from lostlink.cli.records.report import tell_mistakes
     from lostlink.reading.run import load_run
     from lostlink.report.side_by_side import comparison_page, sameness, side_by_side
 
     try:
-        content = side_by_side([load_run(run) for run in runs], Teller())
+        content = side_by_side([load_run(run) for run in runs], reporting())
         if html is not None:
             html.write_text(comparison_page(content), encoding="utf-8")
     except (OSError, ValueError) as error:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bridge.run.every import Every
 from bridge.scenario.document.settings import parse_setting
 from bridge.scenario.file import with_changes
 from bridge.scenario.model import Scenario
 from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
+from lostlink.cli.now_and_then import NowAndThen
 from lostlink.cli.run_path import RunPath
 from lostlink.cli.scenario_options import setting_options
 from lostlink.cli.shown_table import print_table
@@ -63,7 +63,9 @@ def redecide(
       lostlink redecide runs/A                        the same radio and seed: the same fates, all of them
     """
     silent = quiet or as_json
-    progress = _Progress(silent=silent)  # whose clock goes while modules are imported
+    progress = NowAndThen(  # whose clock goes while modules are imported
+        lambda done: f"decided {100 * done:.0f} % of the packets", silent=silent, first_s=NEWS_PERIOD_S / 2
+    )
     from channel.checks import ChannelInputError
     from channel.validity import OutsideValidityError
     from lostlink.redecision.output import agrees, plain_of
@@ -76,7 +78,8 @@ def redecide(
             check_is_free(out)  # before all is decided for nothing
         scenario = _scenario(run, radio, seed, settings)
         result = decide(run, scenario, progress)
-        summary = None if out is None else write_whole_run(result, out, _Written(silent=silent))
+        writing = NowAndThen("writes {}: {} rows so far".format, silent=silent)
+        summary = None if out is None else write_whole_run(result, out, writing)
     except (OSError, ValueError, ChannelInputError, OutsideValidityError) as error:
         fail(error)
     for line in result.edited:
@@ -102,30 +105,6 @@ def _scenario(run: Path, radio: str | None, seed: int | None, settings: tuple[st
     changes |= {} if radio is None else {"radio": as_seen_from_here(radio)}
     given = [parse_setting(text) for text in settings]
     return with_changes(scenario_of(run), changes | {each.key: each.value for each in given})
-
-
-class _Progress:
-    """A line every two seconds; the first comes sooner, for the second in which the command itself began."""
-
-    def __init__(self, *, silent: bool) -> None:
-        self._silent = silent
-        self._news = Every(NEWS_PERIOD_S, first_s=NEWS_PERIOD_S / 2)
-
-    def __call__(self, done: float) -> None:
-        if not self._silent and self._news.is_due():
-            say(f"decided {100 * done:.0f} % of the packets", err=True)
-
-
-class _Written:
-    """What is written, every two seconds."""
-
-    def __init__(self, *, silent: bool) -> None:
-        self._silent = silent
-        self._news = Every(NEWS_PERIOD_S)
-
-    def __call__(self, name: str, rows: int) -> None:
-        if not self._silent and self._news.is_due():
-            say(f"writes {name}: {rows} rows so far", err=True)
 
 
 def _tell(result: Redecision, out: Path | None, summary: dict[str, Any] | None, *, quiet: bool) -> None:

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import click
 
-from bridge.run.every import Every
-from bridge.timeouts import NEWS_PERIOD_S
 from lostlink.cli.exits import fail
 from lostlink.cli.exits import tell as warn
+from lostlink.cli.now_and_then import NowAndThen, reporting
 from lostlink.cli.run_path import RunPath
 from lostlink.flight.exits import DISAGREES
 from lostlink.flight.shown.say import say
@@ -48,7 +47,7 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
     from lostlink.reading.run import load_run
     from lostlink.report.content import content_of
 
-    tell = Teller()
+    tell = reporting()
     try:
         if out is not None and not out.parent.is_dir():
             raise ValueError(f"--out {out}: there is no directory {out.parent}; make it first")
@@ -77,7 +76,7 @@ def tell_mistakes(mistakes: Mapping[str, Sequence[str]]) -> None:
             warn(f"{run}: summary.json is not that of its record: {line}")
 
 
-def write_report(content: dict[str, object], path: Path, tell: Teller) -> None:
+def write_report(content: dict[str, object], path: Path, tell: NowAndThen) -> None:
     """Write the page of a report's numbers.
 
     Raises:
@@ -87,15 +86,3 @@ def write_report(content: dict[str, object], path: Path, tell: Teller) -> None:
     from lostlink.report.pictures.all import draw_all
 
     path.write_text(page_of(content, draw_all(content, tell)), encoding="utf-8")
-
-
-class Teller:
-    """A line on stderr when two seconds have passed without one."""
-
-    def __init__(self) -> None:
-        self._news = Every(NEWS_PERIOD_S)
-
-    def __call__(self, step: str) -> None:
-        """Take what is done next."""
-        if self._news.is_due():
-            say(f"report: {step}", err=True)

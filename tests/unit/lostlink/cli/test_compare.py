@@ -12,8 +12,8 @@ from bridge.record.names import packets
 from bridge.record.provenance import Provenance, write_provenance
 from bridge.run.directory import RunDirectory
 from bridge.scenario.file import read_scenario
+from lostlink.cli import now_and_then
 from lostlink.cli.records.compare import compare
-from lostlink.compare import output as comparison
 from tests.unit.bridge.record.runs import make_run
 
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_read_has_status_2(tmp_path: Path) -> None:
 
 
 def test_long_comparison_is_seen_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison, "PROGRESS_PERIOD_S", 0.0)
+    monkeypatch.setattr(now_and_then, "NEWS_PERIOD_S", 0.0)
     done = run(make_run(tmp_path / "a", ticks=400), make_run(tmp_path / "b", ticks=400))
     assert "comparing mavlink/0/from_autopilot: 1000 entries so far" in done.stderr
     assert done.stdout.startswith("identical: ")

@@ -24,8 +24,8 @@ from bridge.scenario.file import read_scenario
 from bridge.scenario.resolve.named_files import named_files
 from channel.presets import load_radio
 from channel.sensing.measured import MEASURED, Measured
+from lostlink.cli import now_and_then
 from lostlink.cli.main import lostlink
-from lostlink.cli.records import redecide as module
 from lostlink.compare.compare import compare
 from lostlink.reading.run import load_run
 from lostlink.reading.sent import SentPackets
@@ -110,7 +110,7 @@ def test_it_is_silent_for_less_than_two_seconds_also_while_it_reads(
     monkeypatch.setattr("bridge.run.every.monotonic", lambda: now_s[0])
     monkeypatch.setattr("lostlink.redecision.redecide.SentPackets", reads_slowly)
     monkeypatch.setattr(
-        module, "say", lambda text, err=False: said_s.append((now_s[0], text)) if err else None
+        now_and_then, "say", lambda text, err=False: said_s.append((now_s[0], text)) if err else None
     )
     assert redecide(run).exit_code == 0
     assert said_s == [(pytest.approx(2.2), "decided 0 % of the packets")]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from lostlink.cli.records import report as module
+from lostlink.cli import now_and_then
 from lostlink.cli.records.report import report
 from tests.unit.lostlink.replay.flown import flown, scenario_of
 
@@ -23,7 +23,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_page_is_in_the_run_and_it_is_not_silent_for_long(made: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(module, "NEWS_PERIOD_S", 0.0)
+    monkeypatch.setattr(now_and_then, "NEWS_PERIOD_S", 0.0)
     done = run(made)
     assert (done.exit_code, done.stdout) == (0, f"{made}/report.html\n")
     assert (made / "report.html").exists()
@@ -49,7 +49,7 @@ def test_what_cannot_be_read_or_written_has_status_2(
 ):
     assert run(tmp_path).exit_code == 2
     assert "is not the directory of a run" in run(tmp_path / "nowhere").output
-    monkeypatch.setattr(module, "NEWS_PERIOD_S", 0.0)
+    monkeypatch.setattr(now_and_then, "NEWS_PERIOD_S", 0.0)
     done = run(made, "--out", tmp_path / "no" / "a.html")
     assert done.exit_code == 2
     assert f"--out {tmp_path}/no/a.html: there is no directory {tmp_path}/no; make it first" in done.stderr
