@@ -13,8 +13,8 @@ from bridge.record.tables.schema import Columns, TableError
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
-from lostlink.plan.named import named
 from lostlink.reading.air.use import NS_PER_S
+from lostlink.reading.named import named
 
 SINK_MIN_MPS = 3.0
 """A fall from half a metre; landings have a third of it."""
