@@ -17,17 +17,16 @@ import numpy as np
 
 from channel.checks import FloatArray
 from channel.csv_rows import rows_with_headings
+from sitl_configs.netcdf import NetcdfError, read_netcdf
 
 AXES = ("north_m", "east_m", "height_m")
 GRID = ("rx_height_m", "rx_north_m", "rx_east_m")
-HDF5 = b"\x89HDF"
-CDF = b"CDF"
+NETCDF = b"CDF", b"\x89HD"
+"""How they begin."""
 READ = frozenset({*(f"{end}_{axis}" for end in ("tx", "rx") for axis in AXES), "gain_db"})
 """The variables that are read: others may hold anything."""
-NUMBERS_MAX = 250_000_000
-"""Of a variable: a file of a few kB may say that it has any number."""
-BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError, RuntimeError)
-"""What SciPy and h5py raise on files that are cut off or damaged."""
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError)
+"""What comes of numbers that are none."""
 
 
 class GainFileError(ValueError):
@@ -72,33 +71,17 @@ def read_gain_file(file: Path) -> GainTable:
 @lru_cache(maxsize=8)
 def _read(file: Path, _changed_ns: int) -> GainTable:
     with file.open("rb") as start:
-        head = start.read(4)
-    if head == HDF5:
-        return _from_columns(file, *_hdf5(file))
-    if head[:3] == CDF:
-        return _from_columns(file, *_classic(file))
-    return _from_rows(file)
+        head = start.read(3)
+    return _from_columns(file, *_columns(file)) if head in NETCDF else _from_rows(file)
 
 
-def _classic(file: Path) -> tuple[dict[str, FloatArray], Any]:
-    from scipy.io import netcdf_file
-
-    with netcdf_file(file, mmap=False) as data:
-        found = {name: each for name, each in data.variables.items() if name in READ}
-        columns = {name: _unpacked(each[:], vars(each)) for name, each in found.items()}
-        return columns, getattr(data, "frequency_hz", None)
-
-
-def _hdf5(file: Path) -> tuple[dict[str, FloatArray], Any]:
-    import h5py
-
-    with h5py.File(file, "r") as data:
-        found = {name: data[name] for name in READ if isinstance(data.get(name), h5py.Dataset)}
-        for name, each in found.items():
-            if (each.size or 0) > NUMBERS_MAX:
-                raise GainFileError(f"{file}: {name} has {each.size} numbers: at most {NUMBERS_MAX}")
-        columns = {name: _unpacked(each[...], each.attrs) for name, each in found.items()}
-        return columns, data.attrs.get("frequency_hz")
+def _columns(file: Path) -> tuple[dict[str, FloatArray], Any]:
+    try:
+        contents = read_netcdf(file, READ)
+    except NetcdfError as error:
+        raise GainFileError(str(error)) from None
+    columns = {name: _unpacked(each.values, each.attributes) for name, each in contents.variables.items()}
+    return columns, contents.attributes.get("frequency_hz")
 
 
 def _unpacked(values: Any, attributes: Mapping[str, Any]) -> FloatArray:

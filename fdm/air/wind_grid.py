@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fdm.air.netcdf import NetcdfFile, Variable
 from fdm.errors import WindError
 from fdm.model.geodesy import GeodeticPosition
+from sitl_configs.netcdf import NetcdfFile, Variable
 
 Array = npt.NDArray[np.float64]
 Coordinates = tuple[float, ...]

@@ -11,7 +11,7 @@ attribute ``axis``, the standard name, the units or the names time, altitude, y 
 
 Coordinates increase or decrease. A dimension that is missing, or of length 1, means "everywhere". Packed values are
 unpacked, missing ones refused. Metres are on ArduPilot's scale (fdm.model.geodesy). The wind is interpolated linearly
-in all four. Files are NetCDF classic or NetCDF-4 (fdm.air.netcdf); fdm.air.wind_grid reads the grid.
+in all four. Files are NetCDF classic or NetCDF-4 (sitl_configs.netcdf); fdm.air.wind_grid reads the grid.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from fdm.air.netcdf import read_netcdf
 from fdm.air.wind_grid import AXES, Array, Coordinates, grid_of
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint
 from fdm.model.geodesy import GeodeticPosition, ned_from_geodetic
 from fdm.model.truth import Vector
+from sitl_configs.netcdf import NetcdfError, read_netcdf
 
 
 @dataclass(frozen=True)
@@ -123,5 +123,9 @@ def load_wind_map(path: Path) -> WindMap:
 
 @lru_cache(maxsize=8)
 def _load(path: Path, _changed_ns: int) -> WindMap:
-    grid = grid_of(str(path), read_netcdf(path))
+    try:
+        contents = read_netcdf(path)
+    except NetcdfError as error:
+        raise WindError(str(error)) from None
+    grid = grid_of(str(path), contents)
     return WindMap(str(path), grid.axes, grid.origin, grid.ned_mps)

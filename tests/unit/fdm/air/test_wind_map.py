@@ -11,12 +11,12 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import netcdf_file
 
-from fdm.air import netcdf
 from fdm.air.wind import WINDS_DIR, WindConfig
 from fdm.air.wind_map import WindMap, load_wind_map
 from fdm.errors import WindError
 from fdm.model.air_point import AirPoint
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
+from sitl_configs import netcdf
 
 ORIGIN = GeodeticPosition(47.0, 8.0, 400.0)
 AXES = {
@@ -461,12 +461,12 @@ def test_a_file_that_hdf5_loops_over_or_crashes_on_is_explained(
 def test_the_reader_of_hdf5_ends_though_nobody_waits_for_it_any_more():
     code = (
         "from pathlib import Path\n"
-        "from fdm.air import netcdf\n"
-        "def loop(path):\n"
+        "from sitl_configs import netcdf\n"
+        "def loop(path, wanted):\n"
         "    while True:\n"
         "        pass\n"
         "netcdf._read_hdf5, netcdf.READ_TIMEOUT_S = loop, 1.0\n"
-        "netcdf.main(Path('map.nc'))\n"
+        "netcdf.main(Path('map.nc'), [])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
     assert done.returncode == -signal.SIGXCPU

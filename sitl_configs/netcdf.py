@@ -1,9 +1,10 @@
 """Reads NetCDF files whole: classic (CDF-1, CDF-2) through SciPy, NetCDF-4, which is HDF5, through h5py.
 
 HDF5 is a C library that loops for ever over some damaged files (one in some thousand, at random bytes): it runs in a
-process of its own, ``python -m fdm.air.netcdf FILE``, which has a limited time.
+process of its own, ``python -m sitl_configs.netcdf FILE [VARIABLE ...]``, which has a limited time.
 
-What comes out is plain: arrays, dimension names and attributes. Nothing here knows of wind or of the CF conventions.
+What comes out is plain: arrays, dimension names and attributes. Nothing here knows of winds, of gains or of the CF
+conventions.
 """
 
 from __future__ import annotations
@@ -13,15 +14,13 @@ import pickle
 import resource
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from fdm.errors import WindError
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")
 CLASSIC_64_BIT_DATA = b"CDF\x05"
@@ -31,7 +30,7 @@ FILE_MAX_BYTES = 2_000_000_000
 READ = (
     *("standard_name", "units", "axis", "positive"),
     *("_FillValue", "missing_value", "scale_factor", "add_offset"),
-    *("origin_latitude", "origin_longitude"),
+    *("origin_latitude", "origin_longitude", "frequency_hz"),
 )
 """The attributes that are read: in a damaged file each one is a way to trip HDF5."""
 
@@ -70,41 +69,43 @@ class NetcdfFile:
     variables: Mapping[str, Variable]
 
 
+class NetcdfError(ValueError):
+    """A file cannot be read; the text names it and says why."""
+
+
 class BrokenFileError(Exception):
     """A NetCDF-4 file could not be read; the text says why."""
 
 
-def read_netcdf(path: Path) -> NetcdfFile:
-    """Read a file.
+def read_netcdf(path: Path, variables: Collection[str] = ()) -> NetcdfFile:
+    """Read a file; only these variables, if they are named.
 
     Raises:
-        WindError: it cannot be opened, is no NetCDF file, or is broken.
+        NetcdfError: it cannot be opened, is no NetCDF file, or is broken.
     """
     try:
         if path.stat().st_size > FILE_MAX_BYTES:
-            raise WindError(
-                f"{path}: is larger than {FILE_MAX_BYTES / 1e9:g} GB; cut out what the flights need"
-            )
+            raise NetcdfError(f"{path}: is larger than {FILE_MAX_BYTES / 1e9:g} GB; cut out what is needed")
         with path.open("rb") as file:
             magic = file.read(len(HDF5))
     except OSError as error:
-        raise WindError(f"{path}: {error.strerror or error}") from None
+        raise NetcdfError(f"{path}: {error.strerror or error}") from None
     if magic[:4] == CLASSIC_64_BIT_DATA:
-        raise WindError(f"{path}: is NetCDF in the CDF-5 format; convert it with nccopy -k nc4")
+        raise NetcdfError(f"{path}: is NetCDF in the CDF-5 format; convert it with nccopy -k nc4")
     reader = _read_classic if magic[:4] in CLASSIC else _read_netcdf4 if magic == HDF5 else None
     if reader is None:
-        raise WindError(f"{path}: is no NetCDF file: it begins with {magic[:4]!r}, not with CDF or HDF")
+        raise NetcdfError(f"{path}: is no NetCDF file: it begins with {magic[:4]!r}, not with CDF or HDF")
     try:
-        return reader(path)
+        return reader(path, variables)
     except BrokenFileError as error:
-        raise WindError(f"{path}: is broken: {error}") from None
+        raise NetcdfError(f"{path}: is broken: {error}") from None
     except Exception as error:  # a broken file may raise anything in the libraries
-        raise WindError(
+        raise NetcdfError(
             f"{path}: is broken: {type(error).__name__}: {str(error) or 'no reason given'}"
         ) from None
 
 
-def _read_classic(path: Path) -> NetcdfFile:
+def _read_classic(path: Path, wanted: Collection[str]) -> NetcdfFile:
     from scipy.io import netcdf_file
 
     file: Any
@@ -112,12 +113,13 @@ def _read_classic(path: Path) -> NetcdfFile:
         variables = {
             name: Variable(name, tuple(v.dimensions), _attributes(v._attributes), np.array(v[...]))
             for name, v in file.variables.items()
+            if not wanted or name in wanted
         }
         return NetcdfFile(_attributes(file._attributes), variables)
 
 
-def _read_netcdf4(path: Path) -> NetcdfFile:
-    command = [sys.executable, "-P", "-m", "fdm.air.netcdf", str(path)]
+def _read_netcdf4(path: Path, wanted: Collection[str]) -> NetcdfFile:
+    command = [sys.executable, "-P", "-m", "sitl_configs.netcdf", str(path), *wanted]
     try:
         done = subprocess.run(command, capture_output=True, timeout=READ_TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
@@ -131,14 +133,14 @@ def _read_netcdf4(path: Path) -> NetcdfFile:
     return contents
 
 
-def _read_hdf5(path: Path) -> NetcdfFile:
+def _read_hdf5(path: Path, wanted: Collection[str]) -> NetcdfFile:
     import h5py
 
     with h5py.File(path, "r") as file:
         variables = {
             name: Variable(name, _dimension_names(v), _attributes(v.attrs), _values(v))
             for name, v in file.items()
-            if isinstance(v, h5py.Dataset) and not _is_bare_dimension(v)
+            if (not wanted or name in wanted) and isinstance(v, h5py.Dataset) and not _is_bare_dimension(v)
         }
         return NetcdfFile(_attributes(file.attrs), variables)
 
@@ -163,7 +165,7 @@ def _dimension_names(dataset: Any) -> tuple[str, ...]:
     """NetCDF-4 keeps a dimension as an HDF5 dimension scale; a coordinate variable is its own."""
     if dataset.ndim == 1 and dataset.is_scale:
         return (dataset.name.lstrip("/"),)
-    return tuple(dimension[0].name.lstrip("/") for dimension in dataset.dims)
+    return tuple(dimension[0].name.lstrip("/") if len(dimension) else "" for dimension in dataset.dims)
 
 
 def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float | tuple[float, ...]]:
@@ -182,7 +184,7 @@ def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float | tuple[floa
     return plain
 
 
-def main(path: Path) -> None:
+def main(path: Path, wanted: Collection[str]) -> None:
     """Write the pickled contents of a NetCDF-4 file to standard output; ends the process with an error's text.
 
     Its processor time is limited: who waits for it may be killed meanwhile, and HDF5 would loop for ever.
@@ -190,13 +192,13 @@ def main(path: Path) -> None:
     limit_s = math.ceil(READ_TIMEOUT_S)
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 1))
     try:
-        sys.stdout.buffer.write(pickle.dumps(_read_hdf5(path)))
+        sys.stdout.buffer.write(pickle.dumps(_read_hdf5(path, wanted)))
     except Exception as error:
         sys.exit(f"{type(error).__name__}: {error}")
 
 
 if __name__ == "__main__":
     # As a module of its name, so that the records unpickle in the process that asked.
-    from fdm.air import netcdf
+    from sitl_configs import netcdf
 
-    netcdf.main(Path(sys.argv[1]))
+    netcdf.main(Path(sys.argv[1]), sys.argv[2:])
