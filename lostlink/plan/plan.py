@@ -16,6 +16,9 @@ from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, Transceiver
 from bridge.scenario.resolve.channel import medium_settings
 from bridge.scenario.resolve.flight import airframe_of, wind_of
 from bridge.scenario.resolve.radio import radio_of, radios_of
+from channel.access.settings.air_time import AirTimeMedium
+from channel.access.settings.csma import CsmaMedium
+from channel.access.settings.medium import MediumSettings
 from channel.access.settings.tdma import TdmaMedium
 from channel.link.radio import Radio
 from channel.variant import name_of
@@ -163,6 +166,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         tuple(f"{each.title}: {each.wanted}" for each in scenario.expectations),
         (
             *_warnings(load, radios),
+            *_bursts(load, medium_settings(radios), scenario.transmit.every_ticks),
             *missing,
             *beyond_validity(scenario, on),
             *below_ground(scenario, on),
@@ -271,6 +275,18 @@ def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:
             f"each packet for all is transmitted up to {load.copies} times, as nodes hand packets on (routing): that "
             f"may be {share:.3g} times what the medium {load.medium} carries; raise transmit.every_ticks, or address "
             f"packets{_unless(load.nodes)}"
+        )
+
+
+def _bursts(load: OfferedLoad, medium: MediumSettings, every_ticks: int) -> Iterator[str]:
+    """Nodes that are silent for ticks transmit at the same one, which may have no room for all of them."""
+    share = load.airtime_share * every_ticks
+    if isinstance(medium, CsmaMedium | AirTimeMedium) and load.airtime_share <= AIRTIME_MAX < share:
+        yield (
+            f"all nodes transmit at the same ticks (transmit.every_ticks: {every_ticks}), and offer {share:.3g} times "
+            f"what the medium {load.medium} carries within one, though {load.airtime_share:.2g} over time: their "
+            "packets wait for each other and collide as on a full air; lower tick_rate_hz and every_ticks alike, or "
+            f"give each node ticks of its own (transmit_package){_unless(load.nodes)}"
         )
 
 

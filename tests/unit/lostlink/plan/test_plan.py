@@ -578,6 +578,32 @@ def test_each_network_has_its_own_reach() -> None:
             assert far < float(share) < near
 
 
+SWARM = """\
+schema: 1
+name: swarm
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: {preset: wifi-2.4, medium: {model: csma, standard: 11b, rate_mbps: 1, basic_rate_mbps: 1}}
+tick_rate_hz: 20
+transmit: {every_ticks: 20}
+nodes:
+  - {id: 0, agent: {type: still}}
+  - {id: "m{i}", kind: ground, count: 29, place: {line: {spacing_m: 10}}, agent: {type: still}}
+"""
+
+
+def test_nodes_that_all_transmit_at_the_same_tick_are_warned_of() -> None:
+    """Of 100 nodes with 7 % of what the air carries 16 % collided; with ticks of their own none."""
+    at_one_tick = plan_of(parse_scenario(SWARM, "swarm.yaml")).warnings
+    spread = SWARM.replace("tick_rate_hz: 20", "tick_rate_hz: 1").replace("every_ticks: 20", "every_ticks: 1")
+    [line] = [each for each in at_one_tick if "at the same ticks" in each]
+    assert line.startswith("all nodes transmit at the same ticks (transmit.every_ticks: 20), and offer ")
+    assert "lower tick_rate_hz and every_ticks alike" in line
+    assert not any(
+        "at the same ticks" in each for each in plan_of(parse_scenario(spread, "swarm.yaml")).warnings
+    )
+
+
 @pytest.mark.slow
 def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
     assert on_medium("model=csma", more=["transmit.every_ticks=20"])["warnings"] == [
