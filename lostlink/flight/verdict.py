@@ -11,6 +11,7 @@ from typing import Any
 from channel.medium.reception import Fate
 from lostlink.expectations.judge import Judgement
 from lostlink.flight.exits import RunOutcome
+from lostlink.plan.named import named
 
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""
@@ -63,7 +64,7 @@ def verdict_of(
     else:
         told = [*expected, *_of_checks(checks, unjudged), counts, *remarks]
     if unfinished:
-        told.append(f"node{'s' * (len(unfinished) > 1)} {', '.join(unfinished)} had not finished")
+        told.append(f"node{'s' * (len(unfinished) > 1)} {named(unfinished)} had not finished")
     return RunVerdict(outcome, f"{outcome.word}: {'; '.join(told)}")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from lostlink.plan.load import OfferedLoad
+from lostlink.plan.named import named
 from lostlink.plan.plan import NodePlan, RunPlan
 from lostlink.plan.radios.reach import FARTHEST_M, Reach
 
@@ -28,7 +29,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
     yield from _section(f"Groups of addressees ({len(groups)})", groups)
     yield from _section("Radio outages", [each.line() for each in plan.outages])
-    processes = [f"{name}: {', '.join(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
+    processes = [f"{name}: {named(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
     yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))
     outputs = [f"MAVLink of UA {node} to {', '.join(places)}" for node, places in plan.udp_outputs.items()]

@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from lostlink.flight.exits import RunOutcome
+from lostlink.plan.named import named
 from lostlink.reading.air.capacity import rate_text
 from lostlink.reading.air.use import BUSY_NS, NS_PER_S
 from lostlink.report.packets import link_name
@@ -127,7 +128,7 @@ def _facts(run: dict[str, Any]) -> list[Row]:
     ]
     rows += [["not that of the record", line] for line in run["summary_mistakes"]]
     if run["unfinished"]:
-        rows.append(["not finished", ", ".join(map(str, run["unfinished"]))])
+        rows.append(["not finished", named([*map(str, run["unfinished"])])])
     if run["redecided_from"]:
         rows.append(["decided anew from", run["redecided_from"]])
     return rows

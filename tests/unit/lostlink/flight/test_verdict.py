@@ -81,6 +81,11 @@ def test_packets_are_told_of_each_network() -> None:
     )
 
 
+def test_of_many_that_had_not_finished_the_first_are_named() -> None:
+    swarm = verdict_of([GOOD], LINKS, "duration", [], [str(node) for node in range(250)])
+    assert swarm.text.endswith("; nodes 0, 1, 2, 3, 4 and 245 more had not finished")
+
+
 def test_what_ended_a_run_comes_before_what_follows_from_it() -> None:
     error = "the agent of UA 0 failed: ValueError at a tick: oh no; its log is node-0.log\nTraceback"
     broke_off = verdict_of([GOOD], LINKS, "failed", [MISSED], ["0"], error=error)
