@@ -140,7 +140,7 @@ def _each_once(
 ) -> NDArray[np.intp]:
     """The first of the chosen rows of each sender and number."""
     rows = np.flatnonzero(chosen)
-    _, first = np.unique(np.stack((number[rows], tx[rows])), axis=1, return_index=True)
+    _, first = np.unique(number[rows] * (tx.max(initial=0) + 1) + tx[rows], return_index=True)
     return rows[first]
 
 
