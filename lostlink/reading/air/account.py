@@ -35,6 +35,8 @@ from lostlink.reading.rows import RUN_ENDED, Deliveries, DeliveryRows
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
+COLLIDED_LEAST: Final = 0.05
+"""Of all receptions: a run does not warn if fewer collided."""
 OVERLAPPING: Final = (Fate.COLLIDED, Fate.HALF_DUPLEX)
 """Fates of frames at receivers at which others were at once, or that transmitted themselves."""
 
@@ -55,6 +57,8 @@ class AirAccount:
             all share it, of those of the group or sender with the greatest share. None without packets.
         share: ``offered_bps`` as a share of that; if not all share it, of that group or sender.
         busiest_share: the same in the busiest `BUSY_NS`, whenever these begin.
+        ticks_share: of those ticks alone in which packets were given to the radio, as ``share``.
+        collided_share: of all receptions, those that were lost as others collided with them.
         is_routed: whether nodes hand packets on, of which the shares above know nothing.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
@@ -79,6 +83,8 @@ class AirAccount:
     capacity_bps: float | None
     share: float
     busiest_share: float
+    ticks_share: float
+    collided_share: float
     is_routed: bool
     use_share: float | None
     wait_p50_s: float | None
@@ -122,7 +128,7 @@ class AirAccount:
     def warnings(self) -> list[str]:
         """What is likely not meant, a sentence each; normally none."""
         too_long = (f"{self._network}{text}" for text in warnings_of(self.too_long, self.medium))
-        return [text for text in (self._overload, *too_long) if text]
+        return [text for text in (self._overload, self._burst, *too_long) if text]
 
     @property
     def _overload(self) -> str:
@@ -144,6 +150,19 @@ class AirAccount:
         return (
             f"{self._network}the medium is ideal, where packets take no time: {self._too_much}; "
             f"give it a medium: {key}"
+        )
+
+    @property
+    def _burst(self) -> str:
+        """Nodes that wait for the same tick collide on an air that is nearly empty."""
+        is_full = self.busiest_share <= 1.0 < self.ticks_share
+        if not is_full or self.is_routed or self.collided_share < COLLIDED_LEAST:
+            return ""
+        return (
+            f"{self._network}nodes transmitted at the same ticks: {self.ticks_share:.3g} times what the medium "
+            f"{self.medium} carries in these, though {self.share:.2g} over the run, and "
+            f"{100 * self.collided_share:.0f} % of the receptions collided; lower tick_rate_hz and "
+            "transmit.every_ticks alike, or give each node ticks of its own (transmit_package)"
         )
 
     @property
@@ -186,13 +205,15 @@ class AirTally:
 
     Args:
         capacity: of the network.
+        tick_ns: of the run; 0: the ticks of its packets do not matter.
 
     Attributes:
-        capacity: likewise.
+        capacity: as given.
     """
 
-    def __init__(self, capacity: Capacity) -> None:
+    def __init__(self, capacity: Capacity, tick_ns: int = 0) -> None:
         self.capacity = capacity
+        self._tick_ns = tick_ns
         self._packets: list[DeliveryRows] = []
         self._frames: list[DeliveryRows] = []
         self._delays: list[Delays] = []
@@ -240,6 +261,8 @@ class AirTally:
             capacity_bps=capacity_bps,
             share=float(offered.shares(whole)[0]),
             busiest_share=offered.busiest_share(end_ns),
+            ticks_share=offered.share_of_ticks(self._tick_ns) if self._tick_ns else 0.0,
+            collided_share=self._lost(Fate.COLLIDED) / max(int(self._fates.sum()), 1),
             is_routed=on_air_ns is not None,
             use_share=use,
             wait_p50_s=_number(waits, 0),
@@ -285,7 +308,8 @@ class AirTally:
 
 def tallies_of(deliveries: Deliveries, scenario: Scenario) -> list[AirTally]:
     """Of each radio network of a scenario; none if there are no deliveries."""
-    tallies = {name: AirTally(Capacity.of(scenario, name)) for name in scenario.network_names}
+    tick_ns = scenario.tick_period_ns
+    tallies = {name: AirTally(Capacity.of(scenario, name), tick_ns) for name in scenario.network_names}
     has_any = False
     for rows in deliveries.parts(*NEEDED):
         has_any = has_any or len(rows) > 0

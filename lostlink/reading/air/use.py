@@ -125,6 +125,17 @@ class Offered:
         need_s, sharer = self.need_s.ravel(), self.sharer.ravel()
         return float(busiest_per_s(at_ns, need_s, sharer, self.sharers, end_ns).max(initial=0.0))
 
+    def share_of_ticks(self, tick_ns: int) -> float:
+        """Of the network's time in those ticks in which packets were given to it; of the busiest group or sender."""
+        counted = (self.sharer >= 0) & (self.need_s > 0.0)
+        sharer, need_s = self.sharer[counted], self.need_s[counted]
+        tick = np.broadcast_to(self.at_ns // tick_ns, self.sharer.shape)[counted]
+        used = np.unique(tick * self.sharers + sharer) % self.sharers
+        used_s = np.bincount(used, minlength=self.sharers) * tick_ns / NS_PER_S
+        return float(
+            (np.bincount(sharer, need_s, self.sharers) / np.maximum(used_s, tick_ns / NS_PER_S)).max()
+        )
+
     def busiest(self, whole_ns: Whole) -> tuple[float | None, bool]:
         """Payload that the network carries of the packets of the busiest sharer, and whether that is a sender's own.
 
