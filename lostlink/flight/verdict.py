@@ -11,7 +11,7 @@ from typing import Any
 from channel.medium.reception import Fate
 from lostlink.expectations.judge import Judgement
 from lostlink.flight.exits import RunOutcome
-from lostlink.plan.named import named
+from lostlink.reading.named import named
 
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""

@@ -10,9 +10,9 @@ from typing import Any
 import yaml
 
 from lostlink.plan.load import OfferedLoad
-from lostlink.plan.named import named
 from lostlink.plan.plan import NodePlan, RunPlan
 from lostlink.plan.radios.reach import FARTHEST_M, Reach
+from lostlink.reading.named import named
 
 KINDS = {"ground": "on the ground", "emitter": "an emitter"}
 NODES_SHOWN_MAX = 20

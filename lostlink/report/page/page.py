@@ -7,9 +7,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from lostlink.flight.exits import RunOutcome
-from lostlink.plan.named import named
 from lostlink.reading.air.capacity import rate_text
 from lostlink.reading.air.use import BUSY_NS, NS_PER_S
+from lostlink.reading.named import named
 from lostlink.report.packets import link_name
 from lostlink.report.page.words import NOTHING, count, num, share
 from lostlink.report.pictures.radio import told_of_delivery
