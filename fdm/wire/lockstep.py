@@ -14,8 +14,9 @@ one sent again.
     far below              RESTART: the autopilot has booted anew     RESTART
     0, if not last + 1     RESTART; STALE after 1                     RESTART
 
-Two autopilots on one port would take the UA from each other with every packet. So the one whose place another has
-taken is not heard, as long as that one is answered: SITL, started beside another, begins at 0, and the later one flies.
+Two autopilots on one port would take the UA from each other with every packet. So those whose place another has
+taken are not heard, as long as that one is answered: SITL, started beside another, begins at 0, and the later one
+flies, also when it is started once more.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from fdm.wire.servo_packet import FRAME_COUNT_MODULUS
 RESEND_SILENCE_NS = 1_000_000_000
 """Wall time after a reply from which a repeated packet means that the reply was lost."""
 REPLACED_SILENCE_NS = 3_000_000_000
-"""Wall time after the latest answer, or the take-over, from which the autopilot of before is heard again."""
+"""Wall time after the latest answer, or the take-over, from which the autopilots of before are heard again."""
+REPLACED_KEPT = 8
+"""So many of these are known: each boot of an autopilot is one more, at another port."""
 REORDER_SPAN = 16
 """A frame_count this little below the last one, from the same sender, is a late datagram, not a boot."""
 _HALF = FRAME_COUNT_MODULUS // 2
@@ -68,7 +71,7 @@ class Lockstep:
     Attributes:
         sender: source address of the latest packet that was heard and not stale; replies go there. None before the
             first.
-        replaced: the sender before that one; None if there was none.
+        replaced: the senders before that one, the latest first.
         reply: the latest reply, as encoded, for RESEND; empty before the first.
         unread: answers that the autopilot has not shown to have read; each new packet shows that it read one. With
             none left it is blocked, and all that it had to say before its latest packet is said.
@@ -81,7 +84,7 @@ class Lockstep:
         self._answered = -1
         self._answered_at_ns = 0
         self.sender: Any = None
-        self.replaced: Any = None
+        self.replaced: tuple[Any, ...] = ()
         self.reply: Any = b""
         self.unread = 0
 
@@ -120,8 +123,7 @@ class Lockstep:
     def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> ServoVerdict:
         if self._frame_count < 0:
             return self._take(frame_count, sender, wall_ns, ServoVerdict.BOOT)
-        was_replaced = sender == self.replaced and sender != self.sender
-        if was_replaced and wall_ns - self._answered_at_ns < REPLACED_SILENCE_NS:
+        if sender in self.replaced and wall_ns - self._answered_at_ns < REPLACED_SILENCE_NS:
             return ServoVerdict.REPLACED
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
         if 0 < ahead < _HALF and (frame_count or ahead == 1):
@@ -153,7 +155,9 @@ class Lockstep:
         self._frame_count = frame_count
         self._answered = -1
         if sender != self.sender:
-            self.replaced, self.sender, self._answered_at_ns = self.sender, sender, wall_ns
+            others = (each for each in (self.sender, *self.replaced) if each not in (None, sender))
+            self.replaced, self.sender = tuple(others)[:REPLACED_KEPT], sender
+            self._answered_at_ns = wall_ns
         self.unread = 0
         return verdict
 

@@ -139,6 +139,18 @@ def test_of_two_autopilots_on_one_port_the_later_one_is_heard_while_it_is_answer
     assert lockstep.receive(2, B, 2 * REPLACED_SILENCE_NS) is ServoVerdict.REPLACED
 
 
+def test_the_later_one_is_heard_also_when_it_boots_anew_at_other_ports():
+    """Real ArduCopter, started once more within seconds, was told nothing any more, and the one of before flew on."""
+    lockstep = after(1000)
+    for port in range(40001, 40005):
+        now = ("127.0.0.1", port)
+        assert lockstep.receive(0, now, 1) is ServoVerdict.RESTART
+        lockstep.answered(0, b"", 1)
+        assert lockstep.receive(1001, A, 2) is ServoVerdict.REPLACED
+        assert lockstep.receive(1, now, 2) is ServoVerdict.ADVANCE
+        lockstep.answered(1, b"", 2)
+
+
 def test_an_autopilot_that_boots_anew_at_another_port_is_heard():
     """Each time: none of these ports was that of the one before."""
     lockstep = after(100)
