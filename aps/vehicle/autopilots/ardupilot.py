@@ -41,6 +41,8 @@ SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
 COPTER_SPEED_MODES: Final = ("AUTO", "GUIDED", "RTL")
 PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
 """In which the last DO_CHANGE_SPEED counts, and one is taken."""
+PLANE_RETURN_MODES: Final = ("RTL", "QRTL")
+"""A QuadPlane's RTL goes on to QRTL, or is QRTL, with some values of Q_RTL_MODE."""
 NOWHERE_E7: Final = 10_000_000
 """1 degree: it does not get so far before it has a fix."""
 HOME_AT_ZERO_MM: Final = 20
@@ -174,8 +176,8 @@ class ArduPilotStack(FlightStack):
         return Manoeuvre((self.mode_step(state, "GUIDED"), reposition), ("GUIDED",))
 
     def rtl(self, state: VehicleState) -> Manoeuvre:
-        """RTL; a QuadPlane's goes on to QRTL with some values of Q_RTL_MODE."""
-        modes = ("RTL", "QRTL") if is_plane(state.vehicle_type) else ("RTL",)
+        """RTL."""
+        modes = PLANE_RETURN_MODES if is_plane(state.vehicle_type) else ("RTL",)
         return Manoeuvre((self.mode_step(state, "RTL"),), modes)
 
     def land(self, state: VehicleState) -> Manoeuvre:
@@ -186,9 +188,9 @@ class ArduPilotStack(FlightStack):
         return Manoeuvre((self.mode_step(state, mode),), (mode,))
 
     def mission(self, state: VehicleState) -> Manoeuvre:
-        """AUTO, and MISSION_START. An ArduPlane's last item that returns is the mode RTL, a copter's a part of AUTO."""
+        """AUTO, and MISSION_START. ArduPlane's last item that returns is another mode, a copter's a part of AUTO."""
         start = optional(command_long(state, int(mavlink.MAV_CMD_MISSION_START)))
-        last = ("RTL",) if is_plane(state.vehicle_type) else ()
+        last = PLANE_RETURN_MODES if is_plane(state.vehicle_type) else ()
         return Manoeuvre(
             (self.mode_step(state, "AUTO"), start), ("AUTO",), last_modes=last, return_modes=last
         )

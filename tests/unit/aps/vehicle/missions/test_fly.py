@@ -63,13 +63,15 @@ def test_a_mission_is_done_also_when_the_autopilot_is_back_at_its_first_item_bef
     assert execution.result.reached is reached
 
 
-def test_a_planes_mission_that_ends_with_a_return_is_done_over_home():
-    """ArduPlane enters RTL, says a second later that it is at that item, and circles on."""
-    plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=2)
+@pytest.mark.parametrize(("vtol", "mode"), [(False, "RTL"), (True, "RTL"), (True, "QRTL")])
+def test_a_planes_mission_that_ends_with_a_return_is_done_over_home(vtol, mode):
+    """ArduPlane enters RTL, a QuadPlane with Q_RTL_MODE 3 QRTL, says a second later that it is at that item, and flies
+    on."""
+    plane = replace(AUTO, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=2, vtol=vtol)
     plane = replace(plane, lat_deg=47.005, lon_deg=8.0, home_lat_deg=47.0, home_lon_deg=8.0)
     execution, _ = started(replace(plane, mode="GUIDED"))
     execution.poll(plane, 1)
-    returns = replace(plane, mode="RTL", time_boot_ms=plane.time_boot_ms + 1000)
+    returns = replace(plane, mode=mode, time_boot_ms=plane.time_boot_ms + 1000)
     execution.poll(returns, 2)
     returns = replace(returns, mission_current=3, mission_state="PAUSED", time_boot_ms=90_000)
     execution.poll(returns, 3)
