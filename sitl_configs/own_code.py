@@ -6,6 +6,7 @@ import ast
 import importlib
 import importlib.util
 import itertools
+import json
 import os
 import sys
 import sysconfig
@@ -24,11 +25,11 @@ _NOT_THEIRS: Final = (
 )
 """What the names of files begin with that are no user's: Python's, those of installed packages, and ours."""
 PATH_VARIABLE: Final = "LOSTLINK_SYS_PATH"
-"""Of a process of a run: where imports look in the one that started it, in a script's folder, say."""
+"""Of a process of a run: where imports look in the one that started it, in a script's folder, say; JSON."""
 _numbers = itertools.count()
 _put_first: set[str] = set()
 if PATH_VARIABLE in os.environ:
-    sys.path[:] = os.environ.pop(PATH_VARIABLE).split("\n")
+    sys.path[:] = json.loads(os.environ.pop(PATH_VARIABLE))
 
 
 class OwnCodeError(ValueError):
@@ -89,8 +90,12 @@ def put_first(folder: Path) -> None:
 
 
 def path_of_others() -> list[str]:
-    """Where imports look, without the folders of files that were put first; all absolute."""
-    return [os.path.abspath(each) for each in sys.path if each not in _put_first]  # noqa: PTH100
+    """Where imports look, without the folders of files that were put first; absolute, but for what no file has.
+
+    That is for a hook: editable installs of packages without an ``__init__`` have such a name.
+    """
+    names = [each for each in sys.path if isinstance(each, str) and each not in _put_first]
+    return [os.path.abspath(each) if not each or os.path.exists(each) else each for each in names]  # noqa: PTH100, PTH110
 
 
 def _from_file(path: Path, name: str) -> ModuleType:

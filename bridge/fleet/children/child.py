@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import re
 import signal
@@ -80,7 +81,7 @@ def start_process(
         stdout=subprocess.PIPE if log is None else log,
         stderr=None if log is None else subprocess.STDOUT,
         cwd=cwd,
-        env={**environment_of(os.environ), PATH_VARIABLE: "\n".join(path_of_others()), **environment},
+        env={**environment_of(os.environ), PATH_VARIABLE: json.dumps(path_of_others()), **environment},
         pass_fds=pass_fds,
         start_new_session=True,
     )

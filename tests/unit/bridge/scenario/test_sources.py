@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -78,6 +79,29 @@ def test_of_what_is_installed_the_version_counts_and_of_an_editable_install_the_
     assert code.packages == {"Solid": "1.5"}
     assert names("solid_here.one", elsewhere) == []
     assert [file.name for file in code_of("solid_here.one", "solid_here").files] == ["one.py"]
+
+
+def test_a_package_that_only_a_hook_knows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As setuptools installs packages without an ``__init__`` with -e."""
+    written(tmp_path / "sources", one="")
+    name = "__editable__.hooked_here-0.1.finder.__path_hook__"
+
+    class Finder:
+        @classmethod
+        def hook(cls, path: str) -> type[Finder]:
+            if path != name:
+                raise ImportError
+            return cls
+
+        @classmethod
+        def find_spec(cls, module: str, target: object = None) -> ModuleSpec | None:
+            spec = ModuleSpec(module, None, is_package=True)
+            spec.submodule_search_locations = [str(tmp_path / "sources")]
+            return spec if module == "hooked_here" else None
+
+    monkeypatch.setattr(sys, "path_hooks", [*sys.path_hooks, Finder.hook])
+    monkeypatch.setattr(sys, "path", [*sys.path, name])
+    assert names("hooked_here.one", tmp_path) == ["sources/one.py"]
 
 
 def test_what_changes_is_read_again(tmp_path: Path, elsewhere: Path) -> None:

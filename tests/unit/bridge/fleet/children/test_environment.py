@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from ast import literal_eval
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,22 @@ async def test_what_the_shell_has_for_px4_does_not_reach_it(
     found = dict(line.split("=", 1) for line in log.read_text(encoding="utf-8").splitlines() if "=" in line)
     assert {key: found[key] for key in found if key.startswith("PX4_")} == {"PX4_SYS_AUTOSTART": "10016"}
     assert name not in found
+
+
+async def test_it_imports_from_where_we_do_whatever_the_names_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "two\nlines"
+    folder.mkdir()
+    hooked = "__editable__.swarm-0.1.finder.__path_hook__"
+    here = [each for each in sys.path if each]
+    monkeypatch.setattr(
+        sys, "path", [*here, str(folder), hooked, tmp_path]
+    )  # what is no text is for no import
+    log = tmp_path / "log"
+    told = "import sys; from sitl_configs import own_code; print(sys.path)"
+    await Child(ProcessSpec("ours", [sys.executable, "-P", "-c", told], log)).ended
+    assert literal_eval(log.read_text(encoding="utf-8")) == [*here, str(folder), hooked]
 
 
 def test_where_px4_is_reaches_the_runs_of_a_study() -> None:
