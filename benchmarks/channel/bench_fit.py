@@ -2,7 +2,8 @@
 
 Generated logs (`benchmarks/channel/fit_coverage.py`): without received powers as a run's deliveries are, with them, and
 with shadowing that is correlated along the track. Packets of about one distance are put together, so that a log of a
-hundred times the packets takes a few times as long. CPU time of one thread.
+hundred times the packets takes some ten times as long; with readings hundreds of times, as fewer of them say the same.
+CPU time of the process.
 """
 
 from __future__ import annotations

@@ -223,8 +223,8 @@ class Likelihood:
                     continue
                 logs, scores, weights = said(at, group)
                 count = self._count[index]
-                value += float(logs @ count)
-                gradient += scores @ count
+                value += float(np.sum(logs * count))
+                gradient += np.sum(scores * count, axis=1)
                 information += (scores * (weights * count)) @ scores.T
         return Point(at, value, gradient, information)
 

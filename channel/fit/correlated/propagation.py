@@ -133,7 +133,7 @@ class CorrelatedLikelihood:
             left = variance / np.maximum(1.0 - weight * variance, 1.0 - MOST_OF_VARIANCE)
             mean = left * (here / variance - pull)
             said = log.outcomes.said(mean - floor_dbm, left, law)
-            value = normal.value + float(log.packets @ (said.log - _factor(mean, left, weight, pull)))
+            value = normal.value + float(np.sum(log.packets * (said.log - _factor(mean, left, weight, pull))))
             if abs(value - last) < SETTLED:
                 break
             last = value
