@@ -77,7 +77,9 @@ def log_of_columns(
         raise FlightLogError(f"{place}: has no column distance_m")
     if not {"fate", "delivered"} & columns.keys():
         raise FlightLogError(f"{place}: {NO_OUTCOME}")
-    words = {name: _Words.of(columns[name]) for name in ("fate", "tx", "rx") if name in columns}
+    words = {
+        name: _Words.of(columns[name], f"{place}: {name}") for name in ("fate", "tx", "rx") if name in columns
+    }
     if "fate" in words and not all(isinstance(each, str) for each in words["fate"].names):
         raise FlightLogError(f"{place}: fate: has to be a text in every row")
     mine = np.ones(len(columns["distance_m"]), dtype=bool)
@@ -108,10 +110,13 @@ class _Words(NamedTuple):
     names: tuple[Any, ...]
 
     @classmethod
-    def of(cls, column: NDArray[Any]) -> _Words:
+    def of(cls, column: NDArray[Any], place: str) -> _Words:
         import pyarrow as pa
 
-        encoded = pa.array(column).dictionary_encode(null_encoding="encode")
+        try:
+            encoded = pa.array(column).dictionary_encode(null_encoding="encode")
+        except pa.ArrowException as error:
+            raise FlightLogError(f"{place}: has to be a text in every row") from error
         return cls(np.asarray(encoded.indices), tuple(encoded.dictionary.to_pylist()))
 
     def where(self, *words: str) -> NDArray[np.bool_]:

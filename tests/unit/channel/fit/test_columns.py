@@ -58,6 +58,9 @@ def test_names_may_be_a_dictionary_and_delivered_a_boolean(tmp_path):
         ({"distance_m": [], "fate": []}, "no rows"),
         ({"distance_m": [1.0, 2.0], "fate": ["delivered", None]}, "fate: has to be a text in every row"),
         ({"distance_m": [1.0], "fate": [b"delivered"]}, "fate: has to be a text in every row"),
+        ({"distance_m": [1.0], "fate": [{"is": "delivered"}]}, "fate: has to be a text in every row"),
+        ({"distance_m": [1.0], "delivered": [1], "tx": [{"id": 0}]}, "tx: has to be a text in every row"),
+        ({"distance_m": [1.0], "delivered": [1], "rx": [["0", "1"]]}, "rx: has to be a text in every row"),
     ],
 )
 def test_what_is_no_log_is_refused_with_its_place(columns, words):
