@@ -199,6 +199,30 @@ class Deliveries(Protocol):
         """
 
 
+@dataclass(frozen=True, slots=True)
+class OnNetwork:
+    """Those that were sent on one radio network."""
+
+    of_all: Deliveries
+    network: str
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """As of `Deliveries`."""
+        return self.of_all.nodes
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Likewise: all of them."""
+        return self.of_all.networks
+
+    def parts(self, *names: str) -> Iterator[DeliveryRows]:
+        """As of `Deliveries`."""
+        place = self.networks.index(self.network)
+        for rows in self.of_all.parts(*names):
+            yield rows.at(rows.link // len(rows.nodes) ** 2 == place)
+
+
 def link_rows(
     run: Path, nodes: tuple[str, ...], names: tuple[str, ...], networks: tuple[str, ...] = (MAIN,)
 ) -> DeliveryRows:

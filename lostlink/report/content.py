@@ -28,7 +28,7 @@ from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.lengths import median_payload_bytes, packets_by_length
 from lostlink.reading.links.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.positions import places_of, separation_m
-from lostlink.reading.rows import Deliveries, RecordedDeliveries
+from lostlink.reading.rows import Deliveries, OnNetwork, RecordedDeliveries
 from lostlink.reading.run import Run
 from lostlink.report import packets
 from lostlink.report.air_use import air_of
@@ -83,14 +83,19 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
         "run": _run(run),
         "provenance": asdict(run.provenance) if run.provenance else None,
     }
-    losses = packets.losses_of(deliveries, end_ns)
-    found |= {"totals": packets.totals_of(links), "networks": packets.networks_of(links)}
-    found |= {"links": links, "losses": losses}
+    networks = packets.networks_of(links)
+    found |= {"totals": packets.totals_of(links), "networks": networks}
+    found |= {"links": links, "losses": packets.losses_of(deliveries, end_ns)}
     tell("follows the ages of packets")
     found["ages"] = packets.ages_of(times, deliveries, end_ns)
     del times  # of the size of the record
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(deliveries)
+    for network in networks:
+        on = OnNetwork(deliveries, network["radio"])
+        is_only = len(networks) == 1
+        network["losses"] = found["losses"] if is_only else packets.losses_of(on, end_ns)
+        network["powers"] = found["powers"] if is_only else packets.powers_of(on)
     tell("computes its digests")
     found["run"]["summary_mistakes"] = mistakes_in_summary(run.path)
     tell("adds up the use of the air")

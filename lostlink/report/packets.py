@@ -112,7 +112,7 @@ def link_name(tx: str, rx: str, radio: str, *, is_only: bool) -> str:
 
 
 def ages_of(times: Sequence[LinkTimes], deliveries: Deliveries, end_ns: int) -> dict[str, Any]:
-    """The greatest age in each period: of each link, or of many the median and the greatest of all.
+    """The greatest age in each period: of each link, or of many the median and the greatest of all of a radio network.
 
     ``deliveries`` are those of which the times are.
     ``period_s``, ``sim_time_s`` (begins), ``end_s`` (of the last) and ``series[]`` of ``name`` and ``age_s``.
@@ -126,11 +126,14 @@ def ages_of(times: Sequence[LinkTimes], deliveries: Deliveries, end_ns: int) -> 
     names = [link_name(**row, is_only=is_only) for row in rows_of(links)]
     told = list(zip(names, series, strict=True))
     if len(series) > LINKS_APART_MAX:
-        together = np.array(series)
-        told = [
-            (f"median of {len(series)} links", _across(together, np.nanmedian)),
-            ("the oldest of all", _across(together, np.nanmax)),
-        ]
+        told = []
+        for radio in dict.fromkeys(links["radio"].tolist()):
+            together = np.array(series)[links["radio"] == radio]
+            on = "" if is_only else f"{radio}: "
+            told += [
+                (f"{on}median of {len(together)} links", _across(together, np.nanmedian)),
+                (f"{on}the oldest of all", _across(together, np.nanmax)),
+            ]
     return {
         "period_s": period_ns / 1e9,
         "sim_time_s": edges[:-1] / 1e9,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from bridge.bus.keys import MAIN
 from bridge.record.names import as_seen_from
 from bridge.record.provenance import made_by
 from lostlink.compare.summary import mistakes_in_summary
@@ -24,7 +25,6 @@ SETTINGS_MAX = 30
 LINKS_MAX = 20
 """Of more links than this a table has those in which the runs differ most."""
 FIGURES = {
-    "sim_duration_s": "sim time, s",
     "sent": "packets sent",
     "delivered": "packets delivered",
     "delivery": "share delivered",
@@ -32,8 +32,8 @@ FIGURES = {
     "age_p95_s": "age of the worst link, 95 %, s",
     "age_peak_s": "greatest age, s",
     "latency_max_s": "greatest latency, s",
-    "separation_min_m": "least distance of two UA, m",
 }
+"""Of each radio network."""
 Content = dict[str, Any]
 Row = tuple[str, list[str], bool]
 """What, its value in each run, and whether they differ."""
@@ -71,6 +71,7 @@ def _names(runs: Sequence[Run]) -> list[str]:
 def _column(run: Run) -> Content:
     deliveries, end_ns, summary = deliveries_of(run), run.end_ns, run.summary
     links = packets.links_of(deliveries, times_of(deliveries), end_ns)
+    bins = packets.bins_of(deliveries)
     return {
         "name": "",
         "scenario": run.scenario.name,
@@ -86,7 +87,12 @@ def _column(run: Run) -> Content:
         **packets.totals_of(links),
         "separation_min_m": least_separation_m(run),
         "links": links,
-        "delivery_by_distance": _by_distance(packets.bins_of(deliveries)),
+        "delivery_by_distance": _by_distance(bins),
+        "networks": [
+            each
+            | {"delivery_by_distance": _by_distance([row for row in bins if row["radio"] == each["radio"]])}
+            for each in packets.networks_of(links)
+        ],
     }
 
 
@@ -165,11 +171,25 @@ def table_of(content: Content) -> list[Row]:
         _row("outcome", [run["outcome"].replace("_", " ") or NOTHING for run in runs]),
         _row("failed expectations", [", ".join(run["expectations_failed"]) or "none" for run in runs]),
     ]
-    for key, name in FIGURES.items():
-        rows.append(_row(name, [share(run[key]) if key == "delivery" else num(run[key]) for run in runs]))
-    rows += _link_rows(runs)
+    networks = list(dict.fromkeys(each["radio"] for run in runs for each in run["networks"])) or [MAIN]
+    rows.append(_figure("sim time, s", "sim_duration_s", runs))
+    for radio in networks:
+        on = f"{radio}: " if len(networks) > 1 else ""
+        of = [_on_network(run, radio) for run in runs]
+        rows += [_figure(f"{on}{name}", key, of) for key, name in FIGURES.items()]
+    rows.append(_figure("least distance of two UA, m", "separation_min_m", runs))
+    rows += _link_rows(runs, is_only=len(networks) == 1)
     rows.append(_row("digest", [run["digest"][:12] or NOTHING for run in runs]))
     return rows
+
+
+def _on_network(run: Content, radio: str) -> Content:
+    """What came of the packets of a run on a radio network, of which it may have none."""
+    return next((each for each in run["networks"] if each["radio"] == radio), packets.totals_of([]))
+
+
+def _figure(name: str, key: str, of: Sequence[Content]) -> Row:
+    return _row(name, [share(each[key]) if key == "delivery" else num(each[key]) for each in of])
 
 
 def _row(name: str, cells: list[str]) -> Row:
@@ -180,7 +200,7 @@ def _setting(value: Any) -> str:
     return NOTHING if value is None else f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _link_rows(runs: list[dict[str, Any]]) -> list[Row]:
+def _link_rows(runs: list[dict[str, Any]], *, is_only: bool) -> list[Row]:
     by_run = [
         {(link["radio"], link["tx"], link["rx"]): link["delivery"] for link in run["links"]} for run in runs
     ]
@@ -188,7 +208,6 @@ def _link_rows(runs: list[dict[str, Any]]) -> list[Row]:
     left_out = len(links) - LINKS_MAX
     if left_out > 0:
         links = sorted(links, key=lambda link: -_spread([each.get(link) for each in by_run]))[:LINKS_MAX]
-    is_only = len({radio for radio, _, _ in links}) == 1
     rows = [
         _row(
             f"delivery {packets.link_name(tx, rx, radio, is_only=is_only)}",

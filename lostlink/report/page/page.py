@@ -12,6 +12,7 @@ from lostlink.reading.air.use import BUSY_NS, NS_PER_S
 from lostlink.reading.named import named
 from lostlink.report.packets import link_name
 from lostlink.report.page.words import NOTHING, count, num, share
+from lostlink.report.pictures.all import key_of
 from lostlink.report.pictures.radio import told_of_delivery
 
 if TYPE_CHECKING:
@@ -68,12 +69,18 @@ def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
 def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
     """The whole page: one file that asks for nothing."""
     several = len(content["networks"]) > 1
-    networks = [each | {"on": f" on {each['radio']}" if several else ""} for each in content["networks"]]
+    networks = [
+        each
+        | {"on": f" on {each['radio']}" if several else "", "key": key_of(content, each["radio"])}
+        | {"power_rows": [_power(box) for box in each["powers"]["boxes"]]}
+        for each in content["networks"]
+    ]
     return render(
         "report.html.j2",
         pictures,
         c=content,
-        networks=networks or [content["totals"] | {"on": ""}],
+        networks=networks,
+        totals=networks or [content["totals"] | {"on": ""}],
         status=STATUS.get(content["run"]["outcome"], ""),
         sections=SECTIONS,
         facts=_facts(content["run"]),
@@ -85,16 +92,14 @@ def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
         ],
         nodes=[_node(node) for node in content["nodes"]],
         delivery_caption=told_of_delivery(content) if content["bins"] else "",
-        powers=[_power(box) for box in content["powers"]["boxes"]],
         links=[_link(link, is_only=not several) for link in _worst(content["links"])],
         links_caption=_links_caption(len(content["links"])),
-        on_first=f", on {networks[0]['radio']}" if several else "",
         routes=[_route(route) for route in _most_used(content["routes"])],
         routes_caption=_routes_caption(len(content["routes"])),
         routing=[row for each in content["routing"] for row in _routing(each, content["run"])],
-        causes=_causes(content["totals"]),
+        causes=[row for each in networks for row in _causes(each, is_only=not several)],
         air=[row for each in content["air"] for row in _air(each)],
-        air_use_caption=_air_use_caption(content["air"]),
+        air_use_captions={each["radio"]: _air_use_caption(each) for each in content["air"]},
         timed=[row for each in networks for row in _timed(each)],
         machine=_machine(content),
         counters=[
@@ -238,10 +243,11 @@ def _routing(counts: dict[str, Any], run: dict[str, Any]) -> list[Row]:
     ]
 
 
-def _causes(totals: dict[str, Any]) -> list[Row]:
+def _causes(network: dict[str, Any], *, is_only: bool) -> list[Row]:
+    on = "" if is_only else f"{network['radio']}: "
     return [
-        [cause.replace("_", " "), count(number), share(number / totals["sent"])]
-        for cause, number in totals["lost"].items()
+        [f"{on}{cause.replace('_', ' ')}", count(number), share(number / network["sent"])]
+        for cause, number in network["lost"].items()
     ]
 
 
@@ -272,21 +278,16 @@ def _air(air: dict[str, Any]) -> list[Row]:
     return rows
 
 
-def _air_use_caption(networks: Sequence[dict[str, Any]]) -> str:
-    """What the lines of use are, and where they are missing."""
-    told = ""
-    if any(air["series"]["use_share"] is not None for air in networks):
-        told = (
+def _air_use_caption(air: dict[str, Any]) -> str:
+    """What the line of use is, or why it is missing."""
+    if air["series"]["use_share"] is not None:
+        return (
             " Use is the time in which frames are on the air, added up over senders, so that frames at once count "
             "several times."
         )
-    routed = [air["radio"] for air in networks if air["is_routed"] and air["takes_time"]]
-    if routed:
-        told += (
-            f" Of {', '.join(routed)} it is not drawn over time: nodes hand packets on, and the record has the sum of "
-            "all hops alone, below."
-        )
-    return told
+    if air["is_routed"] and air["takes_time"]:
+        return " Use is not drawn over time: nodes hand packets on, and the record has the sum of all hops, below."
+    return ""
 
 
 def _times(value: float) -> str:

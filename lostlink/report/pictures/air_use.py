@@ -15,7 +15,7 @@ LOG_FROM = 3.0
 """Of shares above this the axis is logarithmic."""
 
 
-def draw_air_use(air: dict[str, Any]) -> str:
+def draw_air_use(air: dict[str, Any], key: str) -> str:
     """Load and use of the air as shares of its time."""
     series = air["series"]
     what = "offered over what it carries" if air["takes_time"] else "offered over the radio’s bit rate"
@@ -34,11 +34,11 @@ def draw_air_use(air: dict[str, Any]) -> str:
             axes.set_ylim(bottom=0)
         legend_above(axes, 4)
         return svg_of(
-            figure, "air-use", f"Shares of the time over sim time: {', '.join(n for n, _, _ in lines)}."
+            figure, f"air-use{key}", f"Shares of the time over sim time: {', '.join(n for n, _, _ in lines)}."
         )
 
 
-def draw_air_delay(air: dict[str, Any]) -> str:
+def draw_air_delay(air: dict[str, Any], key: str) -> str:
     """Waits and delays: medians, and what 95 % do not exceed."""
     with themed():
         figure, axes = figure_of()
@@ -49,7 +49,9 @@ def draw_air_delay(air: dict[str, Any]) -> str:
         axes.set(xlabel="sim time, s", ylabel="time, s", xlim=(0, air["end_s"]))
         logarithmic(axes)
         legend_above(axes, 4)
-        return svg_of(figure, "air-delay", "Waits and delays of packets over sim time: medians and 95 %.")
+        return svg_of(
+            figure, f"air-delay{key}", "Waits and delays of packets over sim time: medians and 95 %."
+        )
 
 
 def _step(axes: Axes, air: dict[str, Any], values: Any, color: str, name: str, style: str = "-") -> None:

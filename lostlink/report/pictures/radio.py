@@ -73,10 +73,10 @@ def told_of_delivery(content: dict[str, Any]) -> str:
     return told + ". The model has no single curve here, or could not be computed."
 
 
-def draw_powers(content: dict[str, Any]) -> str:
-    """Box plots of received power by distance, as the paper has them (Moon et al. 2020, Fig. 6)."""
-    width_m = content["powers"]["width_m"]
-    boxes = [box for box in content["powers"]["boxes"] if box["median"] is not None]
+def draw_powers(network: dict[str, Any], key: str) -> str:
+    """Box plots of received power by distance on a network, as the paper has them (Moon et al. 2020, Fig. 6)."""
+    width_m = network["powers"]["width_m"]
+    boxes = [box for box in network["powers"]["boxes"] if box["median"] is not None]
     stats = [
         {
             "med": b["median"],
@@ -106,16 +106,18 @@ def draw_powers(content: dict[str, Any]) -> str:
         axes.set(
             xlabel="distance, m",
             ylabel="received power, dBm",
-            xlim=(0.0, content["powers"]["boxes"][-1]["distance_max_m"]),
+            xlim=(0.0, network["powers"]["boxes"][-1]["distance_max_m"]),
         )
         return svg_of(
-            figure, "powers", f"Box plots of received power in steps of {width_m:g} m; numbers in the table."
+            figure,
+            f"powers{key}",
+            f"Box plots of received power in steps of {width_m:g} m; numbers in the table.",
         )
 
 
-def draw_losses(content: dict[str, Any]) -> str:
-    """Packets by what became of them, over time."""
-    losses = content["losses"]
+def draw_losses(network: dict[str, Any], key: str) -> str:
+    """Packets on a network by what became of them, over time."""
+    losses = network["losses"]
     with themed():
         figure, axes = figure_of()
         at_s = np.array([*losses["sim_time_s"], losses["sim_time_s"][-1] + losses["period_s"]])
@@ -132,7 +134,9 @@ def draw_losses(content: dict[str, Any]) -> str:
         axes.set(xlabel="sim time, s", ylabel=f"packets per {losses['period_s']:g} s", xlim=(0, at_s[-1]))
         axes.set_ylim(bottom=0)
         legend_above(axes, 4)
-        return svg_of(figure, "losses", f"Packets over time: {', '.join(name for name, _, _ in parts)}.")
+        return svg_of(
+            figure, f"losses{key}", f"Packets over time: {', '.join(name for name, _, _ in parts)}."
+        )
 
 
 def draw_ages(content: dict[str, Any]) -> str:
@@ -152,23 +156,25 @@ def draw_ages(content: dict[str, Any]) -> str:
         )
 
 
-def draw_matrix(content: dict[str, Any], key: str, title: str, *, share: bool) -> str:
-    """A figure of each link as a matrix, senders down, receivers across; of several radio networks those of the first.
+def draw_matrix(content: dict[str, Any], radio: str, name: str, title: str, *, key: str, share: bool) -> str:
+    """A figure of each link of a radio network as a matrix, senders down, receivers across.
 
     Args:
         content: of the report.
-        key: of the links.
+        radio: the network's name.
+        name: of the figure.
         title: what it is.
+        key: that names of the network's pictures end with.
         share: from 0 to 1, where more is better; else less is better, from 0 on.
     """
-    links = [link for link in content["links"] if link["radio"] == content["links"][0]["radio"]]
+    links = [link for link in content["links"] if link["radio"] == radio]
     ids = [node["id"] for node in content["nodes"]] or sorted({link["tx"] for link in links})
     ids = [each for each in ids if any(each in (link["tx"], link["rx"]) for link in links)]
     place = {node: at for at, node in enumerate(ids)}
     values = np.full((len(ids), len(ids)), np.nan)
     for link in links:
-        if link[key] is not None:
-            values[place[link["tx"]], place[link["rx"]]] = link[key]
+        if link[name] is not None:
+            values[place[link["tx"]], place[link["rx"]]] = link[name]
     side_in = min(4.4, max(2.6, 0.8 * len(ids)))
     with themed():
         figure, axes = figure_of(side_in + 1.4, side_in)
@@ -183,7 +189,7 @@ def draw_matrix(content: dict[str, Any], key: str, title: str, *, share: bool) -
         told = (
             f"Matrix of links, senders down, receivers across: {title}; the table of links has the numbers."
         )
-        return svg_of(figure, f"matrix-{key.replace('_', '-')}", told)
+        return svg_of(figure, f"matrix-{name.replace('_', '-')}{key}", told)
 
 
 def _label(axes: Axes, ids: list[str]) -> None:
@@ -216,11 +222,16 @@ def _write(axes: Axes, bright: NDArray[np.float64], values: NDArray[np.float64])
 
 
 def draw_comparison(columns: list[dict[str, Any]]) -> str:
-    """Measured delivery over distance of several runs: of each all links together."""
+    """Measured delivery over distance of several runs: of each all links of a radio network together."""
+    is_only = len({each["radio"] for column in columns for each in column["networks"]}) == 1
+    lines = [
+        (column["name"] if is_only else f"{column['name']}, {each['radio']}", each["delivery_by_distance"])
+        for column in columns
+        for each in column["networks"]
+    ]
     with themed():
         figure, axes = figure_of(8.0, 4.2)
-        for place, column in enumerate(columns):
-            points = column["delivery_by_distance"]
+        for place, (name, points) in enumerate(lines):
             at_m = [(p["distance_min_m"] + p["distance_max_m"]) / 2 for p in points]
             shares = [p["delivered"] / p["sent"] for p in points]
             axes.plot(
@@ -230,12 +241,12 @@ def draw_comparison(columns: list[dict[str, Any]]) -> str:
                 linestyle=("-", "--")[place % 2],
                 ms=4,
                 color=SERIES[place % 8],
-                label=column["name"],
+                label=name,
             )
         axes.set(xlabel="distance, m", ylabel="measured delivery", ylim=(-0.03, 1.03))
         axes.set_xlim(left=0)
         legend_above(axes, 2, RUN_NAME_MAX)
-        names = ", ".join(column["name"] for column in columns)
+        names = ", ".join(name for name, _ in lines)
         return svg_of(
             figure, "comparison", f"Measured delivery over distance, all links together, of {names}."
         )

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from lostlink.reading.ages import times_of
+from lostlink.reading.rows import RecordedDeliveries
 from lostlink.reading.run import Run, load_run
 from lostlink.report.content import content_of
+from lostlink.report.packets import ages_of
 from lostlink.report.page.page import page_of
 from lostlink.report.pictures.all import draw_all
-from lostlink.report.side_by_side import side_by_side, table_of
+from lostlink.report.scales import plain
+from lostlink.report.side_by_side import comparison_page, side_by_side, table_of
 from lostlink.study.metrics import of_tables
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
 
@@ -59,9 +63,59 @@ def test_a_report_tells_the_links_of_each_network_apart(run: Run) -> None:
     assert "<strong>0.0 %</strong><span>of 20 packets on c2 delivered</span>" in page
     assert "greatest age of any link on c2" in page
     assert "c2: 1 to 0" in page
-    assert "Share of packets delivered, on main." in page
+    assert "Share of packets delivered on c2." in page
     rows = {name: cells for name, cells, _ in table_of(side_by_side([run, run]))}
     assert (rows["delivery main: 1 to 0"], rows["delivery c2: 1 to 0"]) == (["100.0 %"] * 2, ["0.0 %"] * 2)
+
+
+def test_losses_powers_and_air_of_a_report_are_of_each_network(run: Run) -> None:
+    content = content_of(run)
+    main, c2 = content["networks"]
+    assert (main["losses"]["lost"], sum(main["losses"]["delivered"])) == ({}, 2 * TICKS)
+    assert {cause: sum(each) for cause, each in c2["losses"]["lost"].items()} == c2["lost"]
+    assert sum(c2["losses"]["delivered"]) == 0
+    assert sum(box["packets"] for box in main["powers"]["boxes"]) == 2 * TICKS
+    assert sum(box["packets"] for box in c2["powers"]["boxes"]) == TICKS / 2
+    pictures = draw_all(content)
+    for name in ("losses", "powers", "matrix", "age_matrix", "air_use"):
+        assert f"{name}-main" in pictures
+        assert name not in pictures
+    page = page_of(content, pictures)
+    assert sum(c2["lost"].values()) == TICKS / 2
+    for cause, lost in c2["lost"].items():
+        cells = f'<td class="number">{lost}</td><td class="number">{100 * lost / (TICKS / 2):.1f} %</td>'
+        assert f'<th scope="row">c2: {cause.replace("_", " ")}</th>{cells}' in page
+    assert "Packets on c2 by what became of them" in page
+    assert "Load and use of the air on c2." in page
+    assert page.count("<figure>") == len(pictures)
+
+
+def test_of_many_links_ages_over_time_are_of_each_network(run: Run) -> None:
+    deliveries = RecordedDeliveries(run.path, run.nodes, ("main", "c2"))
+    times = times_of(deliveries)
+    found = ages_of(times * 3, deliveries, run.end_ns)
+    peaks = {
+        each["name"]: max(age for age in each["age_s"] if age is not None) for each in plain(found["series"])
+    }
+    silent_s = pytest.approx(run.end_ns / 1e9 - 0.05)
+    assert peaks == {
+        "main: median of 6 links": 0.1,
+        "main: the oldest of all": 0.1,
+        "c2: median of 3 links": silent_s,
+        "c2: the oldest of all": silent_s,
+    }
+
+
+def test_runs_side_by_side_have_figures_and_lines_of_each_network(run: Run) -> None:
+    content = side_by_side([run, run])
+    rows = {name: cells for name, cells, _ in table_of(content)}
+    assert rows["main: share delivered"] == ["100.0 %"] * 2
+    assert rows["c2: share delivered"] == ["0.0 %"] * 2
+    assert "share delivered" not in rows
+    main, c2 = content["runs"][0]["networks"]
+    assert sum(point["delivered"] for point in main["delivery_by_distance"]) == 2 * TICKS
+    assert sum(point["delivered"] for point in c2["delivery_by_distance"]) == 0
+    assert "run, c2" in comparison_page(content)
 
 
 def test_a_study_has_a_column_for_the_links_of_each(run: Run) -> None:
