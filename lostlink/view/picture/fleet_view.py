@@ -27,6 +27,8 @@ from lostlink.view.picture.networks import by_network
 TRAIL_PERIOD_NS = 500_000_000
 """Between two points of a trail, sim time."""
 TRAIL_POINTS = 240
+LATELY_S = 5.0
+"""Sim time for which a packet says how good a link is where packets go by another radio network since."""
 MARKS_MAX = 400
 """Links with losses that are shown as they happen, per frame."""
 NEWS_KEPT = 200
@@ -193,8 +195,17 @@ class FleetView:
         return tx, rx
 
     def probability(self) -> Floats:
-        """[tx, rx]: recent mean of 1 - PER of each link, on the network where it is greatest; NaN if there is none."""
-        best: Floats = np.fmax.reduce([links.probability for links in self.links.values()])
+        """[tx, rx]: recent mean of 1 - PER of each link, on the network where it is greatest; NaN if there is none.
+
+        A network on which the link has carried nothing for LATELY_S before its latest packet says nothing of it.
+        """
+        newest_s = np.fmax.reduce([links.newest_s for links in self.links.values()])
+        best: Floats = np.fmax.reduce(
+            [
+                np.where(links.newest_s >= newest_s - LATELY_S, links.probability, np.nan)
+                for links in self.links.values()
+            ]
+        )
         return best
 
     def fresh_losses(self) -> list[tuple[int, int, int]]:

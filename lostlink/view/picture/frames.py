@@ -2,7 +2,7 @@
 
 A snapshot has everything; a frame has what changes: positions (dm, NED), headings (1/1000 rad), winds (cm/s, NED), the
 new points of the trail, losses, which nodes' radios are off, and with each new report the probability of delivery of
-each link, on the network where it is greatest (percent; -1: none). Emitters, estimates and plans: `marks`.
+each link, on the network where it is greatest of late (percent; -1: none). Emitters, estimates and plans: `marks`.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ from lostlink.replay.player import Player
 from lostlink.view.page.tables import fleet_rows, link_words, loss_rows
 from lostlink.view.picture.fleet_view import FleetView, view_of
 from lostlink.view.picture.frames import PictureFrames
+from lostlink.view.picture.link_history import FIGURES
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
+from tests.unit.lostlink.view.fleet import links
 
 NODES = ("0", "1", "gcs")
 TELE = "networks: {tele: {preset: perfect, base_loss: 0.5}}\n"
@@ -67,3 +70,22 @@ def test_the_map_has_of_each_link_the_network_on_which_most_arrives(view: FleetV
     main[0, 1], tele[0, 1] = np.nan, 0.25
     main[1, 0], tele[1, 0] = 0.75, 0.5
     assert json.loads(PictureFrames(view).snapshot())["quality"] == [25, 100, 75, 100, 100, 100]
+
+
+def test_a_network_by_which_nothing_goes_any_more_has_no_colour_on_the_map() -> None:
+    view = view_of(scenario_of("perfect", ("0", "gcs"), extra=TELE))
+
+    def report(second: float, main: tuple[float, int], tele: tuple[float, int]) -> int:
+        """Of each network's newest packet the PER, and how many were sent by now."""
+        both = [links(second, 100.0, per, sent, sent) for per, sent in (main, tele)]
+        columns = {
+            name: (*getattr(both[0], name), *getattr(both[1], name)) for name in ("tx", "rx", *FIGURES)
+        }
+        view.take(replace(both[0], **columns, network=("main", "tele"), radio=(0, 1)))
+        return json.loads(PictureFrames(view).snapshot())["quality"][0]
+
+    assert report(1.0, (1.0, 10), (0.0, 1)) == 100
+    assert report(4.0, (1.0, 40), (0.0, 1)) == 100
+    assert report(7.0, (1.0, 70), (0.0, 1)) == 0
+    assert report(60.0, (1.0, 70), (0.0, 1)) == 0
+    assert report(61.0, (1.0, 71), (0.0, 2)) == 100
