@@ -215,8 +215,8 @@ class Model:
     def __init__(self, scenario: Scenario, network: str) -> None:
         self._scenario, self._network = scenario, network
         self._farthest_m = 0.0
-        self._payload_bytes: int | None = None
-        self._curve = ModelCurve(np.empty(0), np.empty(0))
+        self._curves: dict[int | None, ModelCurve] = {}
+        """Up to that distance, by payload length: the median of two lengths changes now and then, and back."""
 
     @cached_property
     def _radio(self) -> Radio | None:
@@ -229,13 +229,14 @@ class Model:
     def curve(self, farthest_m: float, packets: Mapping[int, int]) -> ModelCurve:
         """The curve up to a distance at least, for the median length of packets that are counted by length."""
         payload_bytes = None if self._radio is None else median_payload_bytes(self._radio, packets)
-        if farthest_m > self._farthest_m or payload_bytes != self._payload_bytes:
-            self._farthest_m = max(self._farthest_m, MODEL_STEP_M * (farthest_m // MODEL_STEP_M + 1))
-            self._payload_bytes = payload_bytes
-            self._curve = self._make()
-        return self._curve
+        if farthest_m > self._farthest_m:
+            self._farthest_m = MODEL_STEP_M * (farthest_m // MODEL_STEP_M + 1)
+            self._curves.clear()
+        if payload_bytes not in self._curves:
+            self._curves[payload_bytes] = self._make(payload_bytes)
+        return self._curves[payload_bytes]
 
-    def _make(self) -> ModelCurve:
+    def _make(self, payload_bytes: int | None) -> ModelCurve:
         from bridge.scenario.resolve.channel import draws_are_shared
         from channel.own.methods import OwnModelError
         from channel.validity import OutsideValidityError
@@ -245,6 +246,6 @@ class Model:
         shared = draws_are_shared(self._scenario) if radio is None else radio.shares_draws
         if radio is not None and radio.is_by_distance:
             with suppress(OutsideValidityError, OwnModelError):
-                probability = radio.probability_of_delivery(distance_m, self._payload_bytes)
+                probability = radio.probability_of_delivery(distance_m, payload_bytes)
                 return ModelCurve(distance_m, probability, shared)
         return ModelCurve(np.empty(0), np.empty(0), shared)

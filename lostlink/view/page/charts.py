@@ -249,6 +249,7 @@ def matrix_chart(nodes: list[str], share: NDArray[Any], look: Look) -> Options:
             {
                 "name": "delivered",
                 "type": "heatmap",
+                "progressive": 0,  # drawn bit by bit, it would begin anew before it is done
                 "data": data,
                 "label": {"show": len(nodes) <= 8, "formatter": "{@[2]}"},
             }

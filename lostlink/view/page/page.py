@@ -242,7 +242,7 @@ class Page:
         return OnboardPanels(self._view, shown.onboards, PlanDrawing(shown.frames), shown.operator)
 
     def _build_fleet(self) -> None:
-        self._fleet = table("Fleet", FLEET_COLUMNS, "id")
+        self._fleet = table("Fleet", FLEET_COLUMNS, "id").classes("ll-long")
         self._fleet.add_slot("body-cell-node", _NODE_BUTTON)
         self._fleet.on("choose", lambda e: self._choose_node(int(e.args)))
         self._chosen = ui.label().classes("ll-words")
@@ -258,19 +258,21 @@ class Page:
 
     def _build_link(self) -> None:
         names = {number: node.title for number, node in enumerate(self._view.nodes)}
+        tx, rx = self._link
         with ui.element("div").classes("ll-tools"):
-            ui.select(
-                names,
-                value=self._link[0],
-                label="from",
-                on_change=lambda e: self._choose_link(e.value, self._link[1]),
-            ).props("dense options-dense")
-            ui.select(
-                names,
-                value=self._link[1],
-                label="to",
-                on_change=lambda e: self._choose_link(self._link[0], e.value),
-            ).props("dense options-dense")
+            self._ends = (
+                ui.select(
+                    names,
+                    value=tx,
+                    label="from",
+                    on_change=lambda e: self._choose_link(e.value, self._link[1]),
+                ),
+                ui.select(
+                    names, value=rx, label="to", on_change=lambda e: self._choose_link(self._link[0], e.value)
+                ),
+            )
+            for end in self._ends:
+                end.props("dense options-dense")
             button("Swap", self._swap_link, "The other direction of the link")
         self._words = ui.label().classes("ll-words")
         self._link_chart = chart("Received power, SNR and delivery of the link over sim time")
@@ -293,7 +295,11 @@ class Page:
         self.refresh()
 
     def _choose_link(self, tx: int, rx: int) -> None:
+        if (tx, rx) == self._link:
+            return
         self._link = (tx, rx)
+        for end, number in zip(self._ends, self._link, strict=True):
+            end.set_value(number)
         self.refresh()
 
     def _swap_link(self) -> None:

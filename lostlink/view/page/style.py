@@ -56,6 +56,8 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-tab .q-table th, .ll-tab .q-table td {{ white-space:normal; }}
 .ll-tab .q-table th:not(.sorted) .q-table__sort-icon {{ display:none; }} /* it takes room that columns need */
 .ll-tab .nicegui-table {{ width:100%; max-height:100%; }}
+.ll-tab .ll-long {{ max-height:50vh; }} /* what is below a fleet of many rows stays in sight */
+.ll-long thead th {{ position:sticky; top:0; z-index:1; background:var(--ll-panel); }}
 .ll-words {{ font-size:.9rem; }}
 .ll-emergency, .ll-alert, .ll-critical, .ll-error {{ color:var(--ll-loss); font-weight:600; }}
 .ll-warning {{ font-weight:600; }}

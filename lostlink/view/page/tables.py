@@ -40,7 +40,7 @@ FLEET_COLUMNS = columns(
     sortable=True,
 )
 AGENT_COLUMNS = columns(
-    ("node", "node", "left"), ("activity", "its agent", "left"), ("logged", "values it logged", "left")
+    ("node", "node", "left"), ("activity", "its agent", "left"), ("logged", "names it logs", "left")
 )
 EMITTER_COLUMNS = columns(
     ("emitter", "emitter", "left"),

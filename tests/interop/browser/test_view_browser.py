@@ -173,6 +173,33 @@ def test_a_network_is_chosen(browser: Browser, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_fields_of_a_link_name_the_one_that_is_shown(browser: Browser, record: Path) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        page = seen.page
+        paused(page)
+        seen.choose("node gcs")
+        seen.open("Link")
+        for tx, rx in (("node gcs", "UA 0"), ("UA 0", "node gcs")):
+            expect(page.get_by_text(f"{tx} to {rx}: ")).to_be_visible()
+            for field, node in (("from", tx), ("to", rx)):
+                expect(page.locator(".q-select").filter(has_text=field)).to_contain_text(node)
+            page.get_by_role("button", name="The other direction of the link").click()
+        assert not seen.errors
+
+
+@pytest.mark.slow
+def test_the_buttons_of_a_large_fleet_are_in_sight(browser: Browser, tmp_path: Path) -> None:
+    nodes = tuple(map(str, range(40)))
+    with serving(flown(tmp_path / "made", scenario_of("perfect", nodes), 20)) as view:
+        seen = ViewPage(browser, view.address)
+        seen.choose("UA 39")
+        expect(seen.page.get_by_role("columnheader", name="height m")).to_be_in_viewport()
+        expect(seen.page.get_by_text("UA 39: armed; battery")).to_be_in_viewport()
+        assert not seen.errors
+
+
+@pytest.mark.slow
 def test_who_has_to_wait_for_the_map_is_told(browser: Browser, record: Path) -> None:
     with serving(record) as view, ExitStack() as others:
         first, *_ = [

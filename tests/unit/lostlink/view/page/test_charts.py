@@ -115,6 +115,20 @@ def test_the_models_curve_is_that_of_the_packets_that_are_sent() -> None:
     assert (sent.probability < nominal.probability - 0.02).any()
 
 
+def test_a_models_curve_is_made_once_for_a_length_that_comes_back() -> None:
+    model = Model(scenario_of("wifi-2.4", ("0", "1")), "main")
+    short, long = {100: 9}, {1500: 9}
+    first = model.curve(300.0, short)
+    assert model.curve(300.0, long) is not first
+    assert model.curve(300.0, short) is first
+    assert model.curve(500.0, short).distance_m[-1] == 600.0
+
+
+def test_a_matrix_is_drawn_at_once_however_many_nodes_it_has() -> None:
+    chart = matrix_chart([str(node) for node in range(100)], np.ones((100, 100)), LIGHT)
+    assert chart["series"][0]["progressive"] == 0
+
+
 def test_each_network_has_its_models_curve() -> None:
     scenario = scenario_of("wifi-2.4", ("0", "1"), extra="networks: {tele: moon2020}\n")
     for network, preset in (("main", "wifi-2.4"), ("tele", "moon2020")):
