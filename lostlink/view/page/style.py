@@ -63,5 +63,6 @@ body.body--dark {{ {_DARK} background:var(--ll-page); }}
 .ll-warning {{ font-weight:600; }}
 *:focus-visible, .q-field--focused {{ outline:2px solid var(--ll-accent); outline-offset:1px; }}
 @media (max-width: 900px) {{ .nicegui-content {{ height:auto; }}
-  .ll-main {{ grid-template-columns:1fr; }} .ll-scene {{ min-height:420px; }} }}
+  .ll-main {{ grid-template-columns:minmax(0,1fr); flex:none; }} .ll-said {{ height:180px; }}
+  .ll-scene {{ flex:none; height:clamp(240px,65vh,420px); }} .ll-chart {{ flex:none; height:340px; }} }}
 """

@@ -356,6 +356,24 @@ def test_buttons_are_read_and_show_that_they_have_the_focus(
 
 
 @pytest.mark.slow
+def test_on_a_narrow_page_map_and_charts_are_no_higher_than_the_screen(
+    browser: Browser, record: Path
+) -> None:
+    with serving(record) as view:
+        seen = ViewPage(browser, view.address)
+        seen.page.set_viewport_size({"width": 390, "height": 844})
+        seen.page.wait_for_function("innerWidth === 390")
+        seen.page.set_viewport_size({"width": 720, "height": 430})  # as a page of 1440 at 200 %
+        seen.open("Link")
+        for place in (seen.canvas, seen.page.get_by_role("img", name="Received power, SNR and delivery")):
+            expect(place).to_be_visible()
+            box = place.bounding_box()
+            assert box is not None
+            assert box["height"] < 430
+        assert not seen.errors
+
+
+@pytest.mark.slow
 def test_tabs_of_a_narrow_page_do_not_cover_each_other(browser: Browser, record: Path) -> None:
     with serving(record) as view:
         seen = ViewPage(browser, view.address)
