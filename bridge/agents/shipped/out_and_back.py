@@ -21,9 +21,12 @@ class OutAndBack(Yielding):
         self.waypoints = _waypoints(home, config)
         for activity, point in zip(("flies out", "flies back"), self.waypoints, strict=True):
             self.ua.report(f"{activity} at {config.speed_mps:g} m/s")
-            await self.ua.goto(
+            is_there = await self.ua.goto(
                 point.latitude_deg, point.longitude_deg, point.altitude_rel_m, speed_mps=config.speed_mps
             )
+            if not is_there:
+                await self.let_go("another target took the place of its own")
+                return
         self.ua.report("is back")
 
 

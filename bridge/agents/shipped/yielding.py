@@ -19,8 +19,12 @@ class Yielding(Agent):
         except CommandInterrupted as error:
             if self.ua.state is None or not self.ua.state.armed:
                 raise
-            self.ua.report(f"yields: {error}")
-            await self.ua.wait_for(lambda state: not state.armed)
+            await self.let_go(str(error))
+
+    async def let_go(self, why: str) -> None:
+        """Leave the aircraft to whoever took it over, until it has landed."""
+        self.ua.report(f"yields: {why}")
+        await self.ua.wait_for(lambda state: not state.armed)
 
     async def mission(self) -> None:
         """What it does while it is left alone."""

@@ -21,6 +21,8 @@ from bridge.run.access import Access
 from bridge.timeouts import COMMAND_QUERY_S
 
 CLOCK_ANSWER_S = 10.0
+SUPERSEDED = "superseded"
+"""Outcome of a command that ended as a later one took its place."""
 
 
 class Operator:
@@ -72,9 +74,9 @@ class Operator:
         if event.phase == CommandEvent.ACCEPTED:
             self._tell(node, f"{verb}: accepted")
         elif event.phase == CommandEvent.RESULT:
-            outcome = "done" if event.success else "failed"
+            outcome = "failed" if not event.success else SUPERSEDED if event.outcome == SUPERSEDED else "done"
             self._tell(node, f"{verb}: {outcome} ({event.text})" if event.text else f"{verb}: {outcome}")
-            if event.success:
+            if outcome == "done":
                 on_done()
 
     # The clock.
