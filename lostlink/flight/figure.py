@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FIGURE_FILE = "probability_of_delivery.png"
+TITLE_LINE = 70
+"""Characters for which the figure is wide enough."""
 MARKERS = "os^vD<>Pp*"
 LINKS_MAX = 8
 """Of more links than this the figure shows all together."""
@@ -85,7 +88,8 @@ def draw_probability_of_delivery(
     name = name if len(networks) <= 1 else ", ".join(networks)
     how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
     what = "first transmissions" if of_transmissions(summary["bins"]) else "measured"
-    axes.set_title(f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})")
+    title = f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})"
+    axes.set_title(fill(title, TITLE_LINE))
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)

@@ -88,6 +88,20 @@ def test_links_of_several_networks_are_drawn_apart(nodes: int, drawn: list[Figur
     assert "main, telemetry" in drawn[0].axes[0].get_title()
 
 
+def test_a_long_title_is_not_cut(drawn: list[Figure], tmp_path: Path) -> None:
+    summary = summary_of(2)
+    bins = [
+        row | {"radio": name, "shares_draws": True}
+        for name in ("main", "telemetry")
+        for row in summary["bins"]
+    ]
+    made = summary | {"scenario": "a-scenario-with-a-rather-long-name-that-somebody-gave-it", "bins": bins}
+    draw_probability_of_delivery(made, None, tmp_path / "figure.png")
+    title = drawn[0].axes[0].title.get_window_extent()
+    assert title.x0 >= 0.0
+    assert title.x1 <= drawn[0].bbox.width
+
+
 def test_many_links_are_drawn_as_their_mean_and_their_spread(drawn: list[Figure], tmp_path: Path) -> None:
     draw_probability_of_delivery(summary_of(4), None, tmp_path / "figure.png")
     (axes,) = drawn[0].axes
