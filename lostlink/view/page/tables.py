@@ -202,7 +202,7 @@ def loss_rows(losses: Losses) -> Rows:
 def losses_words(losses: Losses) -> str:
     """From when on fates are counted, where that is not the run's first second."""
     since_s = losses.since_s
-    if since_s is None:
+    if since_s is None or not losses.total:
         return "no packet yet since this page is open"
     return "" if since_s < FIRST_S else f"since {since_s:.1f} s of sim time, when a page was opened"
 

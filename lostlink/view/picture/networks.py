@@ -21,9 +21,8 @@ def by_network(report: Report) -> Iterator[tuple[str, Report]]:
         yield report.network[0], report
         return
     radio = np.asarray(report.radio)
-    columns = {
-        f.name: np.asarray(getattr(report, f.name)) for f in fields(report) if f.name not in OF_THE_WHOLE
-    }
+    told = {f.name: np.asarray(getattr(report, f.name)) for f in fields(report) if f.name not in OF_THE_WHOLE}
+    columns = {name: values for name, values in told.items() if values.size == radio.size}
     for place, name in enumerate(report.network):
         on = radio == place
         changes = {column: values[on] for column, values in columns.items()}

@@ -12,12 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from lostlink.replay.player import Player
-from lostlink.view.page.tables import fleet_rows, link_words, loss_rows
+from lostlink.view.page.tables import fleet_rows, link_words, loss_rows, losses_words
 from lostlink.view.picture.fleet_view import FleetView, view_of
 from lostlink.view.picture.frames import PictureFrames
 from lostlink.view.picture.link_history import FIGURES
 from tests.unit.lostlink.replay.flown import Sent, flown, scenario_of
-from tests.unit.lostlink.view.fleet import links
+from tests.unit.lostlink.view.fleet import fates, links
 
 NODES = ("0", "1", "gcs")
 TELE = "networks: {tele: {preset: perfect, base_loss: 0.5}}\n"
@@ -70,6 +70,13 @@ def test_the_map_has_of_each_link_the_network_on_which_most_arrives(view: FleetV
     main[0, 1], tele[0, 1] = np.nan, 0.25
     main[1, 0], tele[1, 0] = 0.75, 0.5
     assert json.loads(PictureFrames(view).snapshot())["quality"] == [25, 100, 75, 100, 100, 100]
+
+
+def test_a_network_by_which_nothing_has_gone_yet_says_so() -> None:
+    view = view_of(scenario_of("perfect", ("0", "gcs"), extra=TELE))
+    view.take(replace(fates(0.1, [(0, 1, 0)]), network=("main", "tele")))
+    words = [losses_words(view.losses[name]) for name in view.networks]
+    assert words == ["", "no packet yet since this page is open"]
 
 
 def test_a_network_by_which_nothing_goes_any_more_has_no_colour_on_the_map() -> None:
