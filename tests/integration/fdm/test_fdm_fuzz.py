@@ -12,7 +12,8 @@ import pytest
 from fdm.exchange.exchange import AircraftSpec, Exchange
 from fdm.model.airframe import load_airframe
 from fdm.model.geodesy import GeodeticPosition, Home
-from fdm.wire.lockstep import STEPPING
+from fdm.wire import lockstep
+from fdm.wire.lockstep import STEPPING, ServoVerdict
 from fdm.wire.servo_packet import DROP_REASONS, ServoPacket, encode_servo_packet, unpack_servo_packet
 
 HOME = Home(GeodeticPosition(47.0, 8.0, 400.0), 0.0)
@@ -79,7 +80,9 @@ def test_garbage_is_counted_by_reason_and_never_answered(exchange):
         sock.close()
 
 
-def test_valid_packets_of_any_content_do_not_stop_it(exchange):
+def test_valid_packets_of_any_content_do_not_stop_it(exchange, monkeypatch):
+    """A stranger that was there first is passed over while the one that came later flies, and harms no neighbour."""
+    monkeypatch.setattr(lockstep, "REPLACED_SILENCE_NS", 10**12)
     rng = np.random.default_rng(18)
     with contextlib.ExitStack() as stack:
         stranger, pilot, other = (
@@ -93,9 +96,10 @@ def test_valid_packets_of_any_content_do_not_stop_it(exchange):
                 pwm = tuple(rng.integers(0, 65536, rng.choice((16, 32))).tolist())
                 rate_hz, any_count = rng.integers(10, (65536, 2**32)).tolist()
                 stranger.send(encode_servo_packet(ServoPacket(rate_hz, any_count, pwm)))
-            pilot.send(encode_servo_packet(ServoPacket(400, 0, (1000,) * 16)))
-            other.send(encode_servo_packet(ServoPacket(400, count, (1000,) * 16)))
-            assert pilot.recv(2048).startswith(b'\n{"timestamp":0.002500000,')
-            assert other.recv(2048).startswith(b'\n{"timestamp":%.9f,' % (0.0025 * (count + 1)))
+            for flies in (pilot, other):
+                flies.send(encode_servo_packet(ServoPacket(400, count, (1000,) * 16)))
+            for flies in (pilot, other):
+                assert flies.recv(2048).startswith(b'\n{"timestamp":%.9f,' % (0.0025 * (count + 1)))
     received = exchange.counters(0)
-    assert sum(received[verdict.value] for verdict in STEPPING) == 6 * (BATCH + 1)
+    assert sum(received[verdict.value] for verdict in STEPPING) == BATCH + 6
+    assert received[ServoVerdict.REPLACED.value] == 5 * BATCH

@@ -11,6 +11,7 @@ import pytest
 
 from bridge.fleet.children.child import Child, ProcessSpec
 from bridge.fleet.children.environment import environment_of
+from sitl_configs.own_code import path_of_others
 
 
 def test_what_the_user_tunes_is_kept_but_for_the_vector_instructions() -> None:
@@ -45,7 +46,7 @@ async def test_it_imports_from_where_we_do_whatever_the_names_are(
     folder = tmp_path / "two\nlines"
     folder.mkdir()
     hooked = "__editable__.swarm-0.1.finder.__path_hook__"
-    here = [each for each in sys.path if each]
+    here = path_of_others()
     monkeypatch.setattr(
         sys, "path", [*here, str(folder), hooked, tmp_path]
     )  # what is no text is for no import
