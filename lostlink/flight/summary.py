@@ -18,6 +18,7 @@ from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
 from fdm.clock.events import EventKind
+from lostlink.compare.summary import NOT_COUNTED
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.crashes import crashes
 from lostlink.flight.full_modems import full_modems
@@ -185,8 +186,7 @@ def _base_losses_not_counted(scenario: Scenario, ledger: dict[str, Any]) -> list
         for network, each in radios.items()
         if any(config_of(radio).base_loss > 0.0 for radio in each)
     }
-    why = "the radio has one, and no packet was counted"
-    return [{"name": name, "why": why} for name in sorted(names - told) if ledger["checks"]]
+    return [{"name": name, "why": NOT_COUNTED} for name in sorted(names - told) if ledger["checks"]]
 
 
 def _recorded_links(run: RunDirectory) -> list[dict[str, Any]]:

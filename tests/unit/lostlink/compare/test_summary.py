@@ -47,6 +47,17 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
     return copied
 
 
+def test_a_summary_that_tells_of_a_network_by_which_nothing_went_is_that_of_its_record(
+    tmp_path: Path,
+) -> None:
+    """Its base loss was not looked at: so says the summary alone."""
+    scenario = scenario_of("corrected", ("0", "1"), extra="networks: {video: wifi-5.8}\n")
+    run = RunDirectory(flown(tmp_path / "run", scenario, TICKS))
+    write_summary(summarise(scenario, run, Timing(TICKS * TICK_NS / 1e9, 1.0), "duration"), run)
+    assert "video: base loss" in [each["name"] for each in run.summary["unjudged"]]
+    assert mistakes_in_summary(run.path) == []
+
+
 def change(run: Path, alter: Callable[[dict[str, Any]], object]) -> None:
     file = run / SUMMARY_FILE
     content = json.loads(file.read_text())
