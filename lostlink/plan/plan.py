@@ -280,8 +280,12 @@ def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:
 
 def _bursts(load: OfferedLoad, medium: MediumSettings, every_ticks: int) -> Iterator[str]:
     """Nodes that are silent for ticks transmit at the same one, which may have no room for all of them."""
-    share = load.airtime_share * every_ticks
-    if isinstance(medium, CsmaMedium | AirTimeMedium) and load.airtime_share <= AIRTIME_MAX < share:
+    share, senders = (
+        load.airtime_share * every_ticks,
+        [each for each in load.nodes if each.airtime_share > 0.0],
+    )
+    contend = len(senders) > 1 and isinstance(medium, CsmaMedium | AirTimeMedium)
+    if contend and load.airtime_share <= AIRTIME_MAX < share:
         yield (
             f"all nodes transmit at the same ticks (transmit.every_ticks: {every_ticks}), and offer {share:.3g} times "
             f"what the medium {load.medium} carries within one, though {load.airtime_share:.2g} over time: their "

@@ -35,8 +35,10 @@ from lostlink.reading.rows import RUN_ENDED, Deliveries, DeliveryRows
 
 WAITING: Final = (Fate.QUEUE_FULL, Fate.EXPIRED, Fate.REPLACED, Fate.RUN_ENDED)
 """Fates of packets for which there was no time on the air."""
-COLLIDED_LEAST: Final = 0.05
-"""Of all receptions: a run does not warn if fewer collided."""
+OVERLAPPING_LEAST: Final = 0.05
+"""Of all receptions: a run does not warn if fewer were lost as frames overlapped."""
+CONTENDING: Final = ("csma", "airtime")
+"""Media on which any node may transmit at any time."""
 OVERLAPPING: Final = (Fate.COLLIDED, Fate.HALF_DUPLEX)
 """Fates of frames at receivers at which others were at once, or that transmitted themselves."""
 
@@ -57,8 +59,8 @@ class AirAccount:
             all share it, of those of the group or sender with the greatest share. None without packets.
         share: ``offered_bps`` as a share of that; if not all share it, of that group or sender.
         busiest_share: the same in the busiest `BUSY_NS`, whenever these begin.
-        ticks_share: of those ticks alone in which packets were given to the radio, as ``share``.
-        collided_share: of all receptions, those that were lost as others collided with them.
+        ticks_share: of those ticks alone in which several nodes gave packets to the radio, as ``share``; 0 of none.
+        overlapping_share: of all receptions, those that were lost as frames were on the air at once (OVERLAPPING).
         is_routed: whether nodes hand packets on, of which the shares above know nothing.
         use_share: of the time in which frames were on the air, added up over senders. None if nothing takes time.
         wait_p50_s, wait_p95_s: from entering the radio to the transmission that decided. None as above.
@@ -84,7 +86,7 @@ class AirAccount:
     share: float
     busiest_share: float
     ticks_share: float
-    collided_share: float
+    overlapping_share: float
     is_routed: bool
     use_share: float | None
     wait_p50_s: float | None
@@ -156,13 +158,14 @@ class AirAccount:
     def _burst(self) -> str:
         """Nodes that wait for the same tick collide on an air that is nearly empty."""
         is_full = self.busiest_share <= 1.0 < self.ticks_share
-        if not is_full or self.is_routed or self.collided_share < COLLIDED_LEAST:
+        is_told = is_full and not self.is_routed and self.medium in CONTENDING
+        if not is_told or self.overlapping_share < OVERLAPPING_LEAST:
             return ""
         return (
             f"{self._network}nodes transmitted at the same ticks: {self.ticks_share:.3g} times what the medium "
             f"{self.medium} carries in these, though {self.share:.2g} over the run, and "
-            f"{100 * self.collided_share:.0f} % of the receptions collided; lower tick_rate_hz and "
-            "transmit.every_ticks alike, or give each node ticks of its own (transmit_package)"
+            f"{100 * self.overlapping_share:.0f} % of the receptions were lost as frames overlapped; lower "
+            "tick_rate_hz and transmit.every_ticks alike, or give each node ticks of its own (transmit_package)"
         )
 
     @property
@@ -262,7 +265,7 @@ class AirTally:
             share=float(offered.shares(whole)[0]),
             busiest_share=offered.busiest_share(end_ns),
             ticks_share=offered.share_of_ticks(self._tick_ns) if self._tick_ns else 0.0,
-            collided_share=self._lost(Fate.COLLIDED) / max(int(self._fates.sum()), 1),
+            overlapping_share=self._lost(*OVERLAPPING) / max(int(self._fates.sum()), 1),
             is_routed=on_air_ns is not None,
             use_share=use,
             wait_p50_s=_number(waits, 0),

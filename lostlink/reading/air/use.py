@@ -126,15 +126,19 @@ class Offered:
         return float(busiest_per_s(at_ns, need_s, sharer, self.sharers, end_ns).max(initial=0.0))
 
     def share_of_ticks(self, tick_ns: int) -> float:
-        """Of the network's time in those ticks in which packets were given to it; of the busiest group or sender."""
+        """Of the network's time in those ticks in which several nodes gave it packets; of the busiest group."""
         counted = (self.sharer >= 0) & (self.need_s > 0.0)
         sharer, need_s = self.sharer[counted], self.need_s[counted]
-        tick = np.broadcast_to(self.at_ns // tick_ns, self.sharer.shape)[counted]
-        used = np.unique(tick * self.sharers + sharer) % self.sharers
-        used_s = np.bincount(used, minlength=self.sharers) * tick_ns / NS_PER_S
-        return float(
-            (np.bincount(sharer, need_s, self.sharers) / np.maximum(used_s, tick_ns / NS_PER_S)).max()
+        tick, tx = (
+            np.broadcast_to(each, self.sharer.shape)[counted] for each in (self.at_ns // tick_ns, self.tx)
         )
+        cell = tick * self.sharers + sharer
+        cells, senders = np.unique(np.unique(cell * self.nodes + tx) // self.nodes, return_counts=True)
+        crowded = cells[senders > 1]
+        met = np.isin(cell, crowded)
+        used_s = np.bincount(crowded % self.sharers, minlength=self.sharers) * tick_ns / NS_PER_S
+        need_of_each_s = np.bincount(sharer[met], need_s[met], self.sharers)
+        return float((need_of_each_s / np.maximum(used_s, tick_ns / NS_PER_S)).max(initial=0.0))
 
     def busiest(self, whole_ns: Whole) -> tuple[float | None, bool]:
         """Payload that the network carries of the packets of the busiest sharer, and whether that is a sender's own.

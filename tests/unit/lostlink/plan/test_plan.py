@@ -604,6 +604,24 @@ def test_nodes_that_all_transmit_at_the_same_tick_are_warned_of() -> None:
     )
 
 
+SLOW = """\
+schema: 1
+name: slow
+duration_s: 60
+origin: {lat_deg: 40.0, lon_deg: -105.0, alt_amsl_m: 1600}
+radio: {preset: telemetry-915, medium: {model: airtime}}
+tick_rate_hz: 100
+transmit: {every_ticks: 100}
+"""
+
+
+@pytest.mark.parametrize("nodes", [1, 2])
+def test_one_node_alone_meets_nobody_at_its_tick(nodes: int) -> None:
+    text = SLOW + "nodes:\n" + "".join(f"  - {{id: {n}, agent: {{type: still}}}}\n" for n in range(nodes))
+    warned = any("at the same ticks" in each for each in plan_of(parse_scenario(text, "slow.yaml")).warnings)
+    assert warned is (nodes > 1)
+
+
 @pytest.mark.slow
 def test_a_radio_of_another_rate_than_its_medium_is_warned_of() -> None:
     assert on_medium("model=csma", more=["transmit.every_ticks=20"])["warnings"] == [
