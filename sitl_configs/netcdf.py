@@ -146,11 +146,10 @@ def _read_hdf5(path: Path, wanted: Collection[str]) -> NetcdfFile:
 
 
 def _values(dataset: Any) -> npt.NDArray[Any]:
-    """All of a dataset, which a small file may say is vast."""
-    if dataset.nbytes > FILE_MAX_BYTES:
-        raise MemoryError(
-            f"{dataset.name} has {dataset.nbytes / 1e9:g} GB, more than {FILE_MAX_BYTES / 1e9:g}"
-        )
+    """All of a dataset, which a small file may say is vast; whoever reads it makes doubles of it."""
+    as_doubles = 8 * (dataset.size or 0)
+    if as_doubles > FILE_MAX_BYTES:
+        raise MemoryError(f"{dataset.name} has {as_doubles / 1e9:g} GB, more than {FILE_MAX_BYTES / 1e9:g}")
     return np.array(dataset[...])
 
 
@@ -173,14 +172,15 @@ def _attributes(stored: Mapping[str, Any]) -> dict[str, str | float | tuple[floa
     for name in READ:
         if name not in stored:
             continue
-        value = stored[name]
-        if isinstance(value, bytes):
-            plain[name] = value.decode("utf-8", "replace")
-        elif isinstance(value, str):
-            plain[name] = value
-        elif np.size(value) and np.issubdtype(np.asarray(value).dtype, np.number):
-            numbers = np.ravel(value).astype(float).tolist()
+        values = np.ravel(np.asarray(stored[name]))
+        if values.size and np.issubdtype(values.dtype, np.number):
+            numbers = values.astype(float).tolist()
             plain[name] = tuple(numbers) if name == "missing_value" else numbers[0]
+            continue
+        text = values.tolist()[0] if values.size == 1 else ""
+        if isinstance(text, bytes):
+            text = text.decode("utf-8", "replace")
+        plain[name] = text if isinstance(text, str) else ""  # no number, which whoever wants one refuses
     return plain
 
 

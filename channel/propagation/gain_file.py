@@ -21,11 +21,11 @@ from sitl_configs.netcdf import NetcdfError, read_netcdf
 
 AXES = ("north_m", "east_m", "height_m")
 GRID = ("rx_height_m", "rx_north_m", "rx_east_m")
-NETCDF = b"CDF", b"\x89HD"
+NETCDF = b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF"
 """How they begin."""
 READ = frozenset({*(f"{end}_{axis}" for end in ("tx", "rx") for axis in AXES), "gain_db"})
 """The variables that are read: others may hold anything."""
-BROKEN = (ValueError, TypeError, LookupError, ArithmeticError)
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError)
 """What comes of numbers that are none."""
 
 
@@ -71,7 +71,7 @@ def read_gain_file(file: Path) -> GainTable:
 @lru_cache(maxsize=8)
 def _read(file: Path, _changed_ns: int) -> GainTable:
     with file.open("rb") as start:
-        head = start.read(3)
+        head = start.read(4)
     return _from_columns(file, *_columns(file)) if head in NETCDF else _from_rows(file)
 
 

@@ -265,7 +265,7 @@ def test_a_variable_that_is_said_to_be_vast_is_refused(tmp_path):
         del file["gain_db"]
         file.create_dataset("gain_db", (2, 1000, 1000, 1000), "f4", chunks=(1, 100, 100, 100))
     assert (tmp_path / "map.nc4").stat().st_size < 20_000
-    with pytest.raises(GainFileError, match=r"is broken: MemoryError: /gain_db has 8 GB, more than 2"):
+    with pytest.raises(GainFileError, match=r"is broken: MemoryError: /gain_db has 16 GB, more than 2"):
         read_gain_file(tmp_path / "map.nc4")
 
 
@@ -283,6 +283,19 @@ def test_a_grid_that_is_not_finite_is_refused(tmp_path, height_m):
     write_hdf5(tmp_path / "map.nc4", rx_height_m=height_m)
     with pytest.raises(GainFileError, match="rx_height_m is not finite"):
         read_gain_file(tmp_path / "map.nc4")
+
+
+def test_numbers_of_a_map_may_be_texts_in_lists_and_others_are_refused(tmp_path):
+    write_hdf5(tmp_path / "plain.nc4")
+    for name, value in (("half", ["0.5"]), ("none", [b"abc"]), ("empty", h5py.Empty("f8"))):
+        write_hdf5(tmp_path / f"{name}.nc4")
+        with h5py.File(tmp_path / f"{name}.nc4", "r+") as data:
+            data["gain_db"].attrs["scale_factor"] = value
+    whole = read_gain_file(tmp_path / "plain.nc4").gain_db
+    assert read_gain_file(tmp_path / "half.nc4").gain_db == pytest.approx(0.5 * whole)
+    for name in ("none", "empty"):
+        with pytest.raises(GainFileError, match=f"{name}.nc4"):
+            read_gain_file(tmp_path / f"{name}.nc4")
 
 
 def test_a_file_that_hdf5_loops_over_is_refused(tmp_path, monkeypatch):
