@@ -16,7 +16,7 @@ VALUES_MAX = 1_000_000
 NO_VALUE = (ValueError, LookupError, AttributeError, TypeError)
 """What PyYAML raises of a word that is none of its tag: a date that is none, or `!!bool maybe`."""
 FLOAT = "tag:yaml.org,2002:float"
-EXPONENT = re.compile(r"^(?:[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+|[-+](?:inf|nan))$")
+EXPONENT = re.compile(r"^(?:[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+|[-+](?:inf|nan))$")
 """Numbers as well: YAML 1.1 wants dots and signs in them."""
 OCTAL = re.compile(r"^[-+]?0[0-7_]+$")
 OURS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
