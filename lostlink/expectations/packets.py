@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,31 +14,10 @@ from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation, Ex
 from bridge.scenario.model import Scenario
 from lostlink.reading.ages import LinkTimes, sawtooth, times_of
 from lostlink.reading.positions import Floats, distances_m, places_at, places_of
-from lostlink.reading.rows import Deliveries, DeliveryRows, RecordedDeliveries
+from lostlink.reading.rows import Chosen, Deliveries, DeliveryRows, RecordedDeliveries
 
 DECIMALS_S = 9
 NOTHING_NS = np.empty(0, dtype=np.int64)
-
-
-class _Heard(NamedTuple):
-    """The deliveries to some nodes, by their places, on a radio network, or on any."""
-
-    deliveries: Deliveries
-    receivers: Sequence[int]
-    radio: str | None
-
-    @property
-    def nodes(self) -> tuple[str, ...]:
-        return self.deliveries.nodes
-
-    @property
-    def networks(self) -> tuple[str, ...]:
-        return self.deliveries.networks
-
-    def parts(self, *names: str) -> Iterator[DeliveryRows]:
-        for rows in self.deliveries.parts(*names, *([] if self.radio is None else ["radio"])):
-            meant = np.isin(rows.columns["rx"], self.receivers)
-            yield rows.at(meant if self.radio is None else meant & (rows.columns["radio"] == self.radio))
 
 
 class PacketFinder:
@@ -148,7 +126,7 @@ class PacketFinder:
             wanted = [each for each in self._expectations if isinstance(each, AgeExpectation)]
             receivers = [self._nodes.index(node) for node in sorted({each.node for each in wanted})]
             self._times[radio] = {
-                each.link: each for each in times_of(_Heard(self._deliveries, receivers, radio))
+                each.link: each for each in times_of(_heard(self._deliveries, receivers, radio))
             }
         return self._times[radio]
 
@@ -158,6 +136,17 @@ class PacketFinder:
             int(rows.columns["packets"][rows.columns["fate"] == TRANSPORT].sum())
             for rows in self._deliveries.parts()
         )
+
+
+def _heard(deliveries: Deliveries, receivers: Sequence[int], radio: str | None) -> Chosen:
+    """Those to some nodes, by their places, on a radio network, or on any."""
+    if radio is None:
+        return Chosen(deliveries, lambda rows: np.isin(rows.columns["rx"], receivers))
+    return Chosen(
+        deliveries,
+        lambda rows: np.isin(rows.columns["rx"], receivers) & (rows.columns["radio"] == radio),
+        ("radio",),
+    )
 
 
 def _greatest_age_s(heard: LinkTimes | None, begin_s: float, until_s: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -200,11 +200,18 @@ class Deliveries(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class OnNetwork:
-    """Those that were sent on one radio network."""
+class Chosen:
+    """Some of the rows of others.
+
+    Attributes:
+        of_all: the others.
+        is_meant: whether each of some rows is one of these.
+        names: of the columns by which it goes, beside `LINK`.
+    """
 
     of_all: Deliveries
-    network: str
+    is_meant: Callable[[DeliveryRows], NDArray[np.bool_]]
+    names: tuple[str, ...] = ()
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -218,9 +225,14 @@ class OnNetwork:
 
     def parts(self, *names: str) -> Iterator[DeliveryRows]:
         """As of `Deliveries`."""
-        place = self.networks.index(self.network)
-        for rows in self.of_all.parts(*names):
-            yield rows.at(rows.link // len(rows.nodes) ** 2 == place)
+        for rows in self.of_all.parts(*names, *self.names):
+            yield rows.at(self.is_meant(rows))
+
+
+def on_network(deliveries: Deliveries, network: str) -> Chosen:
+    """Those that were sent on one radio network."""
+    place, links = deliveries.networks.index(network), len(deliveries.nodes) ** 2
+    return Chosen(deliveries, lambda rows: rows.link // links == place)
 
 
 def link_rows(

@@ -28,7 +28,7 @@ from lostlink.reading.air.capacity import Capacity
 from lostlink.reading.lengths import median_payload_bytes, packets_by_length
 from lostlink.reading.links.routes import on_air_ns, routes_of, routing_counts, ways_of
 from lostlink.reading.positions import places_of, separation_m
-from lostlink.reading.rows import Deliveries, OnNetwork, RecordedDeliveries
+from lostlink.reading.rows import Deliveries, RecordedDeliveries, on_network
 from lostlink.reading.run import Run
 from lostlink.report import packets
 from lostlink.report.air_use import air_of
@@ -92,7 +92,7 @@ def content_of(run: Run, tell: Tell = lambda _step: None) -> Content:
     tell("sorts powers by distance")
     found["powers"] = packets.powers_of(deliveries)
     for network in networks:
-        on = OnNetwork(deliveries, network["radio"])
+        on = on_network(deliveries, network["radio"])
         is_only = len(networks) == 1
         network["losses"] = found["losses"] if is_only else packets.losses_of(on, end_ns)
         network["powers"] = found["powers"] if is_only else packets.powers_of(on)
