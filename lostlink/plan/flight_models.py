@@ -14,7 +14,8 @@ def load_flight_models(scenario: Scenario) -> None:
     Raises:
         AirframeError: one cannot be loaded, or does not stand there.
     """
-    own = {ua.airframe: ua for ua in reversed(scenario.ua) if ua.airframe not in airframe_names()}
+    shipped = airframe_names()
+    own = {ua.airframe: ua for ua in reversed(scenario.ua) if ua.airframe not in shipped}
     for ua in own.values():
         from fdm.model.jsbsim_model import JsbsimModel  # late: most scenarios have none
 
