@@ -25,7 +25,7 @@ WAYS = {
     "deaf": f"int(said(start(sys.executable, '-c', 'import os; ' + {DEAF!r}, stdout=-1)))",
 }
 SCRIPT = """\
-import json, subprocess, sys
+import json, os, subprocess, sys
 from pathlib import Path
 from bridge.host.offspring import Offspring
 from bridge.record.events import Report
@@ -43,7 +43,8 @@ def said_when_over(process):
 before = start("sleep", "60")
 offspring = Offspring(Report(Path(sys.argv[1]), "fleet"))
 start("true").wait()
-over = start("true")  # which nobody waits for
+over = start("true")  # which nobody waits for, as what has ended
+os.waitid(os.P_PID, over.pid, os.WEXITED | os.WNOWAIT)
 pids = [before.pid, {way}]
 offspring.end()
 print(json.dumps(pids))
@@ -84,7 +85,7 @@ def test_what_multiprocessing_starts_by_itself_is_left_to_it(tmp_path: Path) -> 
         "print(json.dumps(pids))", "print(json.dumps([*pids, os.waitpid(pids[1], os.WNOHANG)[0]]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", "import os\n" + script, str(tmp_path)],
+        [sys.executable, "-c", script, str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=30,
