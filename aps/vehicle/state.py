@@ -9,7 +9,7 @@ from typing import Final
 
 from aps.timeouts import CONNECTED_S
 
-__all__ = ["LandedState", "Vector3", "VehicleState"]
+__all__ = ["FLYING", "LandedState", "Vector3", "VehicleState"]
 
 NS_PER_S: Final = 1_000_000_000
 NAN: Final = math.nan
@@ -18,6 +18,7 @@ Vector3 = tuple[float, float, float]
 NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
 LandedState = str
 """``undefined``, ``on_ground``, ``in_air``, ``takeoff`` or ``landing``."""
+FLYING: Final[frozenset[LandedState]] = frozenset({"takeoff", "in_air", "landing"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from aps.vehicle.flight.steps import (
     parameter_step,
     set_mode,
 )
-from aps.vehicle.state import Vector3, VehicleState
+from aps.vehicle.state import FLYING, Vector3, VehicleState
 from aps.wire.dialect import is_copter, is_ground, is_plane, mavlink
 
 __all__ = ["ArduPilotStack"]
@@ -43,6 +43,8 @@ PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
 """In which the last DO_CHANGE_SPEED counts, and one is taken."""
 PLANE_RETURN_MODES: Final = ("RTL", "QRTL")
 """A QuadPlane's RTL goes on to QRTL, or is QRTL, with some values of Q_RTL_MODE."""
+STANDS_BELOW_M: Final = 2.0
+"""Above home: a plane below may stand, whatever it says."""
 NOWHERE_E7: Final = 10_000_000
 """1 degree: it does not get so far before it has a fix."""
 HOME_AT_ZERO_MM: Final = 20
@@ -121,13 +123,20 @@ class ArduPilotStack(FlightStack):
         return at_nowhere or abs(alt_mm - alt_rel_mm) <= HOME_AT_ZERO_MM
 
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
-        """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set."""
+        """Copters and VTOL: GUIDED and NAV_TAKEOFF. Fixed wing: the TAKEOFF mode with TKOFF_ALT set.
+
+        Raises:
+            Refusal: it flies. ArduPilot would say so to NAV_TAKEOFF alone, after the mode has changed.
+        """
+        if state.armed and _flies(state):
+            raise Refusal("it flies already")
+        hint = "" if state.armed else "the UA is not armed"
         if is_fixed_wing(state):
             steps = (parameter_step(state, "TKOFF_ALT", height_m), self.mode_step(state, "TAKEOFF"))
-            return Manoeuvre(steps, ("TAKEOFF",), refusal_hint=_why_no_takeoff(state))
+            return Manoeuvre(steps, ("TAKEOFF",), refusal_hint=hint)
         climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), *[0.0] * 6, height_m)
         steps = (self.mode_step(state, "GUIDED"), climb)
-        return Manoeuvre(steps, ("GUIDED",), refusal_hint=_why_no_takeoff(state))
+        return Manoeuvre(steps, ("GUIDED",), refusal_hint=hint)
 
     def hold(self, state: VehicleState) -> Manoeuvre:
         """A copter stops in GUIDED, where it needs no pilot; a plane circles in LOITER."""
@@ -205,6 +214,12 @@ class ArduPilotStack(FlightStack):
         return Manoeuvre((_speed_step(state, speed_mps, kind),), refusal_hint=hint)
 
 
+def _flies(state: VehicleState) -> bool:
+    """Whether it does. Of a QuadPlane that stands armed in QLOITER or QHOVER ArduPlane says so, too."""
+    stands = is_plane(state.vehicle_type) and not state.alt_rel_m > STANDS_BELOW_M
+    return state.landed_state in FLYING and not stands
+
+
 def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float = 0.0) -> Step:
     """DO_REPOSITION; a plane circles with ``radius_m``, negative to the left, 0 as it is set."""
     flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
@@ -224,9 +239,3 @@ def _why_no_plane_speed(state: VehicleState, kind: str) -> str:
     if state.mode not in PLANE_SPEED_MODES:
         return f"ArduPlane takes speeds in {', '.join(PLANE_SPEED_MODES)}, and flies {state.mode}"
     return BEYOND_SPEEDS
-
-
-def _why_no_takeoff(state: VehicleState) -> str:
-    if not state.armed:
-        return "the UA is not armed"
-    return "it flies already" if state.landed_state in ("takeoff", "in_air", "landing") else ""

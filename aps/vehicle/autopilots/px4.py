@@ -25,7 +25,7 @@ from aps.vehicle.execution import Refusal
 from aps.vehicle.flight.setpoints import Place, Yaw, global_setpoint, offset_deg
 from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_int, command_long, set_mode
 from aps.vehicle.missions.reached import reached_since
-from aps.vehicle.state import Vector3, VehicleState
+from aps.vehicle.state import FLYING, Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
 __all__ = ["MODES", "Px4Stack"]
@@ -132,7 +132,7 @@ class Px4Stack(FlightStack):
     def takeoff(self, state: VehicleState, height_m: float) -> Manoeuvre:
         """NAV_TAKEOFF here, whatever the vehicle; it holds once it is there."""
         _armed(state, "takeoff")
-        if state.landed_state in ("takeoff", "in_air", "landing"):
+        if state.landed_state in FLYING:
             raise Refusal("it flies already: PX4 would take this for a height to climb to")
         nowhere = (math.nan, math.nan, _amsl_m(state, height_m))
         climb = command_long(state, int(mavlink.MAV_CMD_NAV_TAKEOFF), 0.0, 0.0, 0.0, math.nan, *nowhere)

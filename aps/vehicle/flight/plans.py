@@ -101,7 +101,7 @@ def set_mode(state: VehicleState, mode: str) -> CommandPlan:
 
 
 def takeoff(state: VehicleState, alt_rel_m: float) -> CommandPlan:
-    """Climb to a height above home. The UA must be armed.
+    """Climb to a height above home. The UA must be armed; one that flies is refused, and left in its mode.
 
     ArduPilot: GUIDED and NAV_TAKEOFF, fixed wing the TAKEOFF mode with TKOFF_ALT set. PX4: NAV_TAKEOFF.
 

@@ -159,13 +159,16 @@ async def test_commands_to_their_result(call, keeping, daemon):
         status, result = await call("POST", f"/commands/{verb}", arguments)
         assert (status, result["outcome"]) == (200, "reached"), result
     assert daemon.state.alt_rel_m > 9.0
-    status, started = await call("POST", "/commands/takeoff?wait=false", {"alt_rel_m": 900})
-    assert (status, started["verb"], started["result"]) == (202, "takeoff", None)
+    status, again = await call("POST", "/commands/takeoff", {"alt_rel_m": 900})
+    assert (status, again["outcome"], again["reason"]) == (409, "refused", "it flies already")
+    far = {"lat_deg": 48.0, "lon_deg": 8.0, "alt_rel_m": 20}
+    status, started = await call("POST", "/commands/goto?wait=false", far)
+    assert (status, started["verb"], started["result"]) == (202, "goto", None)
     status, landed = await call("POST", "/commands/land")
     assert landed["outcome"] == "reached"
     status, ended = await call("GET", f"/commands/{started['id']}")
     assert ended["result"]["reason"] == "by land"
-    assert [job["verb"] for job in (await call("GET", "/commands"))[1]][-2:] == ["takeoff", "land"]
+    assert [job["verb"] for job in (await call("GET", "/commands"))[1]][-2:] == ["goto", "land"]
     assert (await call("GET", "/commands/999"))[0] == 404
 
 

@@ -95,6 +95,9 @@ async def test_arm_takeoff_goto_rtl_and_takeoff_land_again(daemon, connect, even
     await eventually(lambda: not daemon.state.armed, 20)
     for result in (await commands.set_mode("GUIDED"), await commands.arm(), await commands.takeoff(5.0)):
         assert result.reached, result
+    result = await commands.set_mode("BRAKE")
+    assert result.reached, result
+    assert str(await commands.takeoff(20.0)) == "takeoff refused: it flies already"
     result = await commands.land()
     assert result.reached, result
     assert daemon.hub.primary.framer.counters.bad_crc == 0

@@ -67,6 +67,17 @@ async def test_targets_of_every_kind(copter):
     assert refused.outcome is Outcome.REFUSED
 
 
+async def test_a_takeoff_in_flight_leaves_a_landing_under_way(copter):
+    await in_the_air(copter)
+    landing = asyncio.create_task(copter.commands.land())
+    await until(copter, lambda state: state.mode == "LAND" and state.landed_state == "landing")
+    refused = await copter.commands.takeoff(40.0)
+    assert str(refused) == "takeoff refused: it flies already"
+    result = await landing
+    assert result.reached, result
+    assert copter.state.mode == "LAND"
+
+
 async def test_orbit_stays_on_its_circle(copter):
     home = await in_the_air(copter)
     states = []

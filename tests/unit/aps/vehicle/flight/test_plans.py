@@ -5,6 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from aps.vehicle.commands.command_execution import CommandExecution
+from aps.vehicle.execution import Refusal
 from aps.vehicle.flight import plans, targets
 from aps.vehicle.missions.fly import fly
 from aps.vehicle.telemetry import VehicleState
@@ -68,6 +69,20 @@ def test_fixed_wing_takes_off_in_its_own_mode():
     execution.steps.on_parameter("TKOFF_ALT", 60.0)
     (sent,) = execution.poll(PLANE, 2)
     assert sent.get_type() == "COMMAND_LONG"
+
+
+@pytest.mark.parametrize("kind", [COPTER, PLANE, VTOL, QUADPLANE])
+@pytest.mark.parametrize("landed_state", ["takeoff", "in_air", "landing"])
+def test_who_flies_is_refused_a_takeoff_before_anything_is_sent(kind, landed_state):
+    with pytest.raises(Refusal, match="it flies already"):
+        plans.takeoff(replace(kind, landed_state=landed_state), 60.0)
+    plans.takeoff(replace(kind, landed_state="on_ground"), 60.0)
+
+
+@pytest.mark.parametrize("vtol", [VTOL, QUADPLANE])
+def test_a_quadplane_that_stands_in_qloiter_takes_off_though_it_says_that_it_flies(vtol):
+    stands = replace(vtol, mode="QLOITER", landed_state="in_air", alt_rel_m=-0.04)
+    assert [message.command for message in first_messages(plans.takeoff(stands, 30.0))] == [176, 22]
 
 
 @pytest.mark.parametrize("vtol", [VTOL, QUADPLANE])
