@@ -26,18 +26,27 @@ class TurnBack(Agent):
             self.ua.wait_for(lambda _: self.silence_s() > self.options["silence_s"])
         )
         await asyncio.wait({flight, silence}, return_when=asyncio.FIRST_COMPLETED)
-        if flight.done():
-            flight.result()  # raises if the aircraft could not fly there
-        flight.cancel()
         silence.cancel()
+        if flight.done() and not flight.result():  # raises if the aircraft could not fly there
+            await self.let_go()
+            return
+        flight.cancel()
         self.ua.report(f"turns back after {self.silence_s():.2f} s without a packet")
-        await self.goto(start)
-        self.ua.report("is back")
+        if await self.goto(start):
+            self.ua.report("is back")
+        else:
+            await self.let_go()
 
-    async def goto(self, place: GeodeticPosition) -> None:
-        await self.ua.goto(
+    async def goto(self, place: GeodeticPosition) -> bool:
+        """Fly there; False if somebody else, such as an operator, gave another target."""
+        return await self.ua.goto(
             place.lat_deg, place.lon_deg, self.options["altitude_m"], speed_mps=self.options["speed_mps"]
         )
+
+    async def let_go(self) -> None:
+        """Leave the aircraft to whoever took it over, until it has landed."""
+        self.ua.report("yields to another target")
+        await self.ua.wait_for(lambda state: not state.armed)
 
     def silence_s(self) -> float:
         """Sim time since the newest packet of anybody was sent."""

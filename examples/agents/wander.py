@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 
-from lostlink import Agent, CommandFailed, GeodeticPosition, geodetic_from_ned
+from lostlink import Agent, CommandFailed, CommandInterrupted, GeodeticPosition, geodetic_from_ned
 
 
 class Wander(Agent):
@@ -24,15 +24,18 @@ class Wander(Agent):
         for leg in range(self.options["legs"]):
             north_m, east_m = self.rng.uniform(-1.0, 1.0, 2) * self.options["radius_m"]
             self.ua.report(f"flies leg {leg + 1}: {north_m:.0f} m north, {east_m:.0f} m east")
-            await self.fly_to(geodetic_from_ned(start, (north_m, east_m, 0.0)))
+            if not await self.fly_to(geodetic_from_ned(start, (north_m, east_m, 0.0))):
+                self.ua.report("yields")  # to an operator: the aircraft is theirs until it has landed
+                await self.ua.wait_for(lambda state: not state.armed)
+                break
         self.beacons.cancel()
         self.counts.cancel()
 
-    async def fly_to(self, place: GeodeticPosition) -> None:
-        """Fly there, or as far as the time for a leg lets it."""
+    async def fly_to(self, place: GeodeticPosition) -> bool:
+        """Fly there, or as far as the time for a leg lets it; False if somebody else took it over."""
         try:
             async with asyncio.timeout(self.options["leg_s"]):
-                await self.ua.goto(
+                return await self.ua.goto(
                     place.lat_deg,
                     place.lon_deg,
                     self.options["altitude_m"],
@@ -40,8 +43,11 @@ class Wander(Agent):
                 )
         except TimeoutError:
             self.ua.report("turns early")
+        except CommandInterrupted:
+            return False
         except CommandFailed as error:
             self.ua.report(f"goes on: {error}")
+        return True
 
     async def beacon(self) -> None:
         """Transmit a few random bytes now and then."""

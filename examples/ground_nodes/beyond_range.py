@@ -23,9 +23,13 @@ class Scout(Agent):
         home = await self.take_off(self.options["altitude_m"])
         start = GeodeticPosition(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
         for place in (geodetic_from_ned(start, (self.options["distance_m"], 0.0, 0.0)), start):
-            await self.ua.goto(
+            is_there = await self.ua.goto(
                 place.lat_deg, place.lon_deg, self.options["altitude_m"], speed_mps=self.options["speed_mps"]
             )
+            if not is_there:  # an operator gave another target: the aircraft is theirs until it has landed
+                self.ua.report("yields to another target")
+                await self.ua.wait_for(lambda state: not state.armed)
+                return
 
 
 class Station(Agent):
