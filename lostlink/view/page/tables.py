@@ -248,6 +248,9 @@ def link_words(view: FleetView, network: str, tx: int, rx: int, way: Sequence[in
         for name in ("distance_m", "received_power_dbm", "snr_db", "sent", "delivered")
     )
     names = f"{view.nodes[tx].title} to {view.nodes[rx].title}"
+    absent = [view.nodes[end].title for end in (tx, rx) if not view.is_on(end, network)]
+    if absent:
+        return f"{names}: {' and '.join(absent)} {'is' if len(absent) == 1 else 'are'} not on {network}"
     if not np.isfinite(sent):
         return f"{names}: no packet yet"
     late = _delay(float(view.losses[network].delay_s[rx, tx]))

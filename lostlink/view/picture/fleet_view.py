@@ -6,8 +6,9 @@ It is an observer's picture: what was published before somebody looked is not in
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -89,6 +90,7 @@ class FleetView:
         now_s: wall time, by which sim time may stand still.
         networks: names of the radio networks.
         routed: those whose nodes hand packets on.
+        members: ids of the nodes that are on a network, where these are not all.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class FleetView:
         now_s: Callable[[], float] = lambda: 0.0,
         networks: Sequence[str] = (MAIN,),
         routed: Set[str] = frozenset(),
+        members: Mapping[str, Set[str]] = MappingProxyType({}),
     ) -> None:
         self.nodes = tuple(nodes)
         self.emitters = tuple(emitters)
@@ -106,7 +109,7 @@ class FleetView:
         self.index = {node.id: number for number, node in enumerate(self.nodes)}
         self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
         self._now_s = now_s
-        self.networks, self._routed = tuple(networks), routed
+        self.networks, self._routed, self._members = tuple(networks), routed, members
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
@@ -188,6 +191,10 @@ class FleetView:
         self.air = AirHistory(len(self.nodes), self._routed)
         self.trail.clear()
         self._trail_ns = -TRAIL_PERIOD_NS
+
+    def is_on(self, node: int, network: str) -> bool:
+        """Whether a node is on a radio network."""
+        return self.nodes[node].id in self._members.get(network, self.index)
 
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return tx and rx of all links that have carried a packet on any network."""
@@ -285,6 +292,7 @@ def view_of(scenario: Scenario, now_s: Callable[[], float] = lambda: 0.0) -> Fle
         now_s,
         scenario.network_names,
         frozenset(_routed(scenario)),
+        {name: {node.node for node in scenario.nodes_on(name)} for name in scenario.network_names},
     )
 
 

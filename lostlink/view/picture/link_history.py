@@ -70,7 +70,10 @@ class LinkHistory:
         self.probability = np.full((nodes, nodes), np.nan)
         """[tx, rx]: recent mean of 1 - PER of each link, of packets that have one; NaN if off, or without packets."""
         self.newest_s = np.full((nodes, nodes), np.nan)
-        """[tx, rx]: sim time of the latest report with new packets of the link; NaN if it carried none."""
+        """[tx, rx]: sim time of the latest report with new packets of the link; NaN if it carried none.
+
+        Those of the first report may have been sent at any time since the run began, and count as from then.
+        """
         self._times_s: list[float] = []
         self._reports: list[NDArray[np.float32]] = []
         self._limit = max(REPORTS_MIN, min(REPORTS_MAX, values_max // max(1, self._latest.size)))
@@ -91,7 +94,7 @@ class LinkHistory:
             self._latest[row, tx, rx] = getattr(links, name)
         self.reports += 1
         has_new = ~(self._latest[4, tx, rx] <= before[0])
-        self.newest_s[tx[has_new], rx[has_new]] = links.header.stamp.ns / 1e9
+        self.newest_s[tx[has_new], rx[has_new]] = links.header.stamp.ns / 1e9 if self.reports > 1 else 0.0
         is_off = np.isin(tx, links.radio_off) | np.isin(rx, links.radio_off)
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
         change = np.where(np.isnan(new), 0.0, SMOOTH * (new - old))

@@ -100,6 +100,7 @@ class RecordSource:
         if self._goal_ns is not None:
             while self._now_ns < self._goal_ns and self._clock() < until_s:
                 self._play_next(in_a_hurry=True)
+            self._view.fresh_losses()  # what is passed over was not lost just now
             if self._now_ns >= self._goal_ns:
                 self._arrive()
             return

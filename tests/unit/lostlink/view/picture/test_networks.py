@@ -79,20 +79,48 @@ def test_a_network_by_which_nothing_has_gone_yet_says_so() -> None:
     assert words == ["", "no packet yet since this page is open"]
 
 
-def test_a_network_by_which_nothing_goes_any_more_has_no_colour_on_the_map() -> None:
-    view = view_of(scenario_of("perfect", ("0", "gcs"), extra=TELE))
+def test_a_node_that_is_not_on_a_network_is_told_as_such() -> None:
+    scenario = scenario_of("perfect", NODES, extra=TELE)
+    off = ("1", "gcs")
+    changed = [
+        node.model_copy(update={"networks": ("main",)}) if node.node in off else node
+        for node in scenario.nodes
+    ]
+    view = view_of(scenario.model_copy(update={"nodes": tuple(changed)}))
+    words = [link_words(view, "tele", 0, rx) for rx in (1, 2)]
+    assert words == ["UA 0 to UA 1: UA 1 is not on tele", "UA 0 to node gcs: node gcs is not on tele"]
+    assert link_words(view, "tele", 1, 2).endswith("UA 1 and node gcs are not on tele")
+    assert link_words(view, "main", 0, 1) == "UA 0 to UA 1: no packet yet"
 
-    def report(second: float, main: tuple[float, int], tele: tuple[float, int]) -> int:
+
+class Reported:
+    """The colour of a link on the map, report by report."""
+
+    def __init__(self) -> None:
+        self.view = view_of(scenario_of("perfect", ("0", "gcs"), extra=TELE))
+
+    def report(self, second: float, main: tuple[float, int], tele: tuple[float, int]) -> int:
         """Of each network's newest packet the PER, and how many were sent by now."""
         both = [links(second, 100.0, per, sent, sent) for per, sent in (main, tele)]
         columns = {
             name: (*getattr(both[0], name), *getattr(both[1], name)) for name in ("tx", "rx", *FIGURES)
         }
-        view.take(replace(both[0], **columns, network=("main", "tele"), radio=(0, 1)))
-        return json.loads(PictureFrames(view).snapshot())["quality"][0]
+        self.view.take(replace(both[0], **columns, network=("main", "tele"), radio=(0, 1)))
+        quality: int = json.loads(PictureFrames(self.view).snapshot())["quality"][0]
+        return quality
 
+
+def test_a_network_by_which_nothing_goes_any_more_has_no_colour_on_the_map() -> None:
+    report = Reported().report
     assert report(1.0, (1.0, 10), (0.0, 1)) == 100
     assert report(4.0, (1.0, 40), (0.0, 1)) == 100
     assert report(7.0, (1.0, 70), (0.0, 1)) == 0
     assert report(60.0, (1.0, 70), (0.0, 1)) == 0
     assert report(61.0, (1.0, 71), (0.0, 2)) == 100
+
+
+def test_nor_has_it_where_one_begins_to_look_long_after() -> None:
+    report = Reported().report
+    report(60.0, (1.0, 600), (0.0, 10))
+    assert report(60.2, (1.0, 602), (0.0, 10)) == 0
+    assert report(61.0, (1.0, 610), (0.0, 11)) == 100

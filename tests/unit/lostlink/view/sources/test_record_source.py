@@ -219,3 +219,19 @@ def test_states_are_shown_of_any_instant_and_damaged_ones_are_told(tmp_path: Pat
     assert damaged.sim_time_s > 0.5
     (told,) = [line.text for line in damaged.view.lines if "the states of autopilots cannot" in line.text]
     assert "states.parquet: damaged" in told
+
+
+def test_losses_that_are_passed_over_do_not_flash(tmp_path: Path) -> None:
+    scenario = scenario_of("{preset: perfect, base_loss: 0.5}", ("0", "gcs", "1"))
+    watched = Watched(flown(tmp_path / "lossy", scenario, ticks=TICKS))
+    watched.wait(2.0)
+    assert watched.view.fresh_losses()
+    for goal_s in (8.0, 1.0):
+        watched.source.pause()
+        watched.source.seek(goal_s)
+        watched.source.play()
+        assert watched.view.losses["main"].total["base_loss"] > 10
+        assert watched.view.fresh_losses() == []
+    watched.source.resume()
+    watched.wait(1.0)
+    assert watched.view.fresh_losses()
