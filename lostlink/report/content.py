@@ -147,6 +147,7 @@ def _run(run: Run) -> Content:
         "seed": scenario.seed,
         "autopilot": scenario.autopilots_in_words,
         "radio": as_seen_from(run.path, radio_name(scenario)),
+        "radio_networks": scenario.network_names,
         "medium": Capacity.of(scenario).medium,
         "speed": scenario.speed,
         "tick_rate_hz": scenario.tick_rate_hz,

@@ -107,7 +107,7 @@ def period_of(end_ns: int) -> int:
 
 
 def link_name(tx: str, rx: str, radio: str, *, is_only: bool) -> str:
-    """What a link is called; with the name of its radio network, unless there is only one."""
+    """What a link is called; with the name of its radio network, unless the scenario has only one."""
     return f"{tx} to {rx}" if is_only else f"{radio}: {tx} to {rx}"
 
 
@@ -122,7 +122,7 @@ def ages_of(times: Sequence[LinkTimes], deliveries: Deliveries, end_ns: int) -> 
     edges = np.append(edges[edges < end_ns], end_ns)
     series = [link.sawtooth(end_ns).greatest(edges) for link in times]
     links = named_links(np.array([each.link for each in times], dtype=np.int64), deliveries)
-    is_only = len(set(links["radio"].tolist())) == 1
+    is_only = len(deliveries.networks) == 1
     names = [link_name(**row, is_only=is_only) for row in rows_of(links)]
     told = list(zip(names, series, strict=True))
     if len(series) > LINKS_APART_MAX:

@@ -76,6 +76,7 @@ def _column(run: Run) -> Content:
         "name": "",
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
+        "radio_networks": run.scenario.network_names,
         "made_by": made_by(run.path),
         "ending": run.ending or KILLED,
         "outcome": run.outcome,
@@ -172,13 +173,14 @@ def table_of(content: Content) -> list[Row]:
         _row("failed expectations", [", ".join(run["expectations_failed"]) or "none" for run in runs]),
     ]
     networks = list(dict.fromkeys(each["radio"] for run in runs for each in run["networks"])) or [MAIN]
+    is_only = len({radio for run in runs for radio in run["radio_networks"]}) == 1
     rows.append(_figure("sim time, s", "sim_duration_s", runs))
     for radio in networks:
-        on = f"{radio}: " if len(networks) > 1 else ""
+        on = "" if is_only else f"{radio}: "
         of = [_on_network(run, radio) for run in runs]
         rows += [_figure(f"{on}{name}", key, of) for key, name in FIGURES.items()]
     rows.append(_figure("least distance of two UA, m", "separation_min_m", runs))
-    rows += _link_rows(runs, is_only=len(networks) == 1)
+    rows += _link_rows(runs, is_only=is_only)
     rows.append(_row("digest", [run["digest"][:12] or NOTHING for run in runs]))
     return rows
 

@@ -68,7 +68,7 @@ def render(template: str, pictures: Mapping[str, str], **values: Any) -> str:
 
 def page_of(content: dict[str, Any], pictures: Mapping[str, str]) -> str:
     """The whole page: one file that asks for nothing."""
-    several = len(content["networks"]) > 1
+    several = len(content["run"]["radio_networks"]) > 1
     networks = [
         each
         | {"on": f" on {each['radio']}" if several else "", "key": key_of(content, each["radio"])}

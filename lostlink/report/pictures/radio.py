@@ -223,7 +223,7 @@ def _write(axes: Axes, bright: NDArray[np.float64], values: NDArray[np.float64])
 
 def draw_comparison(columns: list[dict[str, Any]]) -> str:
     """Measured delivery over distance of several runs: of each all links of a radio network together."""
-    is_only = len({each["radio"] for column in columns for each in column["networks"]}) == 1
+    is_only = len({radio for column in columns for radio in column["radio_networks"]}) == 1
     lines = [
         (column["name"] if is_only else f"{column['name']}, {each['radio']}", each["delivery_by_distance"])
         for column in columns

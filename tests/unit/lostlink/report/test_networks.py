@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from lostlink.reading.ages import times_of
@@ -122,3 +124,19 @@ def test_a_study_has_a_column_for_the_links_of_each(run: Run) -> None:
     found = of_tables(run)
     assert (found["delivery_1_0"], found["delivery_c2_1_0"]) == (1.0, 0.0)
     assert found["sent"] == 2 * TICKS + TICKS / 2
+
+
+def test_the_one_of_several_that_carried_packets_is_named(tmp_path: Path) -> None:
+    scenario = scenario_of("perfect", ("0", "1"), extra="networks: {c2: {preset: perfect, base_loss: 0.5}}\n")
+    run = load_run(flown(tmp_path / "run", scenario, TICKS, lambda _number: [Sent("1", radio="c2")]))
+    content = content_of(run)
+    assert [each["name"] for each in content["ages"]["series"]] == ["c2: 1 to 0"]
+    pictures = draw_all(content)
+    page = page_of(content, pictures)
+    assert "packets on c2 delivered" in page
+    assert "Packets on c2 by what became of them" in page
+    assert "c2: base loss" in page
+    assert page.count("<figure>") == len(pictures)
+    both = side_by_side([run, run])
+    assert {"c2: share delivered", "delivery c2: 1 to 0"} <= {name for name, _, _ in table_of(both)}
+    assert "run, c2" in comparison_page(both)
