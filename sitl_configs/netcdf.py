@@ -10,6 +10,7 @@ conventions.
 from __future__ import annotations
 
 import math
+import os
 import pickle
 import resource
 import subprocess
@@ -25,6 +26,8 @@ import numpy.typing as npt
 CLASSIC = (b"CDF\x01", b"CDF\x02")
 CLASSIC_64_BIT_DATA = b"CDF\x05"
 HDF5 = b"\x89HDF\r\n\x1a\n"
+USER_BLOCK_BYTES = 512
+"""Of the shortest: HDF5 may begin behind one of this length, or of twice, four times, ... of it."""
 FILE_MAX_BYTES = 2_000_000_000
 
 READ = (
@@ -86,8 +89,7 @@ def read_netcdf(path: Path, variables: Collection[str] = ()) -> NetcdfFile:
     try:
         if path.stat().st_size > FILE_MAX_BYTES:
             raise NetcdfError(f"{path}: is larger than {FILE_MAX_BYTES / 1e9:g} GB; cut out what is needed")
-        with path.open("rb") as file:
-            magic = file.read(len(HDF5))
+        magic = _magic(path)
     except OSError as error:
         raise NetcdfError(f"{path}: {error.strerror or error}") from None
     if magic[:4] == CLASSIC_64_BIT_DATA:
@@ -103,6 +105,28 @@ def read_netcdf(path: Path, variables: Collection[str] = ()) -> NetcdfFile:
         raise NetcdfError(
             f"{path}: is broken: {type(error).__name__}: {str(error) or 'no reason given'}"
         ) from None
+
+
+def is_netcdf(path: Path) -> bool:
+    """Whether a file begins as NetCDF does, in whichever format and whether or not it can be read.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    return _magic(path)[:4] in (*CLASSIC, CLASSIC_64_BIT_DATA, HDF5[:4])
+
+
+def _magic(path: Path) -> bytes:
+    """How a file begins; where HDF5 is behind a user block, how that does."""
+    with path.open("rb") as file:
+        magic, end = file.read(len(HDF5)), file.seek(0, os.SEEK_END)
+        place = USER_BLOCK_BYTES
+        while place < end:
+            file.seek(place)
+            if file.read(len(HDF5)) == HDF5:
+                return HDF5
+            place *= 2
+    return magic
 
 
 def _read_classic(path: Path, wanted: Collection[str]) -> NetcdfFile:

@@ -17,12 +17,10 @@ import numpy as np
 
 from channel.checks import FloatArray
 from channel.csv_rows import rows_with_headings
-from sitl_configs.netcdf import NetcdfError, read_netcdf
+from sitl_configs.netcdf import NetcdfError, is_netcdf, read_netcdf
 
 AXES = ("north_m", "east_m", "height_m")
 GRID = ("rx_height_m", "rx_north_m", "rx_east_m")
-NETCDF = b"CDF\x01", b"CDF\x02", b"CDF\x05", b"\x89HDF"
-"""How they begin."""
 READ = frozenset({*(f"{end}_{axis}" for end in ("tx", "rx") for axis in AXES), "gain_db"})
 """The variables that are read: others may hold anything."""
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, MemoryError)
@@ -70,9 +68,7 @@ def read_gain_file(file: Path) -> GainTable:
 
 @lru_cache(maxsize=8)
 def _read(file: Path, _changed_ns: int) -> GainTable:
-    with file.open("rb") as start:
-        head = start.read(4)
-    return _from_columns(file, *_columns(file)) if head in NETCDF else _from_rows(file)
+    return _from_columns(file, *_columns(file)) if is_netcdf(file) else _from_rows(file)
 
 
 def _columns(file: Path) -> tuple[dict[str, FloatArray], Any]:

@@ -53,8 +53,8 @@ def columns():
     }
 
 
-def write_hdf5(file, **changed):
-    with h5py.File(file, "w") as data:
+def write_hdf5(file, userblock_size=0, **changed):
+    with h5py.File(file, "w", userblock_size=userblock_size) as data:
         data.attrs["frequency_hz"] = 2.412e9
         for name, values in (columns() | changed).items():
             if values is not None:
@@ -180,6 +180,15 @@ def test_outside_it_refuses_or_falls_back(tmp_path, tx, rx):
     by_law = float(friis_loss_db(1.0, 2.412e9)) + 30.0 * np.log10(distance)
     mixed = gain_db(other, np.array([tx, (0, 0, 20)], dtype=float), np.array([rx, (100, 0, 30)], dtype=float))
     assert mixed == pytest.approx([-by_law, plane_db(0, 100.0, 0.0, 30.0)])
+
+
+@pytest.mark.parametrize("user_block_bytes", [512, 1024, 8192])
+def test_hdf5_may_begin_behind_a_user_block(tmp_path, user_block_bytes):
+    file = tmp_path / "map"
+    write_hdf5(file, userblock_size=user_block_bytes)
+    with file.open("r+b") as start:
+        start.write(b"tx_north_m,tx_east_m\n")
+    assert gain_db(radio(file), TX[0], (100, 0, 30)) == pytest.approx(plane_db(0, 100.0, 0.0, 30.0))
 
 
 def test_another_carrier_is_outside(tmp_path):
