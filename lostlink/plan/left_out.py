@@ -91,7 +91,8 @@ def _of_radio(radio: Radio) -> Iterator[str]:
         if getattr(getattr(config, name), "model", "") == "none":
             yield what
     if getattr(config.propagation, "model", "") not in {"terrain", "gain-map"}:
-        yield "terrain and buildings: nothing stands between the nodes but the horizon"
+        horizon = "" if config.earth_radius_factor is None else " but the horizon"
+        yield f"terrain and buildings: nothing stands between the nodes{horizon}"
     for law in laws_off_carrier(config):
         if law.outside == "clamp":
             yield f"{law.key} at its frequency: {law.told}; it counts the nearest inside ({law.key}.outside: clamp)"

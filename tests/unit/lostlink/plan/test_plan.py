@@ -497,6 +497,12 @@ def test_what_is_left_out_is_told_of_each_network() -> None:
     assert not {line.removeprefix("on mesh: ") for line in told} & set(lines), "each is said once"
 
 
+@pytest.mark.parametrize(("factor", "end"), [("1.3", " but the horizon"), ("null", "")])
+def test_a_flat_earth_has_no_horizon(factor: str, end: str) -> None:
+    lines = plan_with(f"radio={{preset: perfect, earth_radius_factor: {factor}}}")["not_modelled"]
+    assert f"terrain and buildings: nothing stands between the nodes{end}" in lines
+
+
 def test_it_reads_well() -> None:
     done = checked("separation", "--radio", "corrected", "--set", "nodes.0.home.east_m=-7")
     assert done.exit_code == 0
