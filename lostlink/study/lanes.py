@@ -11,8 +11,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
+from numbers import Integral
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 from bridge.fleet.children.child import start_process
 from bridge.fleet.own_thread import begun
@@ -24,6 +25,7 @@ DASK_PATIENCE_S = 10
 """A scheduler has so long to answer, wall time; Dask tries again also where nobody listens, for it may only begin."""
 
 
+@runtime_checkable
 class Lanes(Protocol):
     """Flies cases; left, it ends those that still fly."""
 
@@ -121,10 +123,13 @@ class LocalLanes:
         lanes: how many; one per core, at most 8, unless given.
 
     Raises:
+        TypeError: no whole number.
         ValueError: fewer than one.
     """
 
     def __init__(self, lanes: int | None = None) -> None:
+        if lanes is not None and not isinstance(lanes, Integral):
+            raise TypeError(f"lanes: has to be a whole number, not {lanes!r}")
         if lanes is not None and lanes < 1:
             raise ValueError(f"lanes: has to be 1 or more, not {lanes}")
         self._pool = ThreadPoolExecutor(lanes or min(8, core_count()), thread_name_prefix="lane")

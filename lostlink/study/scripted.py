@@ -79,13 +79,14 @@ def fly_study(
 
     Raises:
         StudyError: the study cannot be flown; a line per mistake.
+        TypeError: lanes are neither a number of them nor what flies.
         ValueError: fewer lanes than one.
         OSError: its directory cannot be written.
     """
     dirs = AutopilotDirs(*(Path(said) if said else None for said in (ardupilot_dir, px4_dir)))
     out = STUDIES if directory is None else Path(directory)
     ours = Study(Path(study) if isinstance(study, str) else study, out, dirs)
-    with LocalLanes(lanes) if lanes is None or isinstance(lanes, int) else nullcontext(lanes) as where:
+    with nullcontext(lanes) if isinstance(lanes, Lanes) else LocalLanes(lanes) as where:
         for standing in ours.fly(where):
             if tell is not None:
                 tell(standing)

@@ -14,6 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
+from lostlink import fly_study
 from lostlink.study.lanes import DaskLanes, Lanes, LocalLanes, fly_here
 from lostlink.study.model import StudyError
 
@@ -190,3 +191,10 @@ def test_a_scheduler_is_met_from_a_notebook() -> None:
 def test_fewer_lanes_than_one_are_refused(lanes: int) -> None:
     with pytest.raises(ValueError, match=f"^lanes: has to be 1 or more, not {lanes}$"):
         LocalLanes(lanes)
+
+
+@pytest.mark.parametrize("lanes", ["2", 2.0, "tcp://10.0.0.1:8786"])
+def test_lanes_that_are_no_number_are_refused(lanes: Any, tmp_path: Path) -> None:
+    study = {"schema": 1, "name": "mine", "scenario": "separation", "seeds": [1]}
+    with pytest.raises(TypeError, match=f"^lanes: has to be a whole number, not {lanes!r}$"):
+        fly_study(study, directory=tmp_path, lanes=lanes)
