@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
+import fcntl
 import json
 import logging
 import math
 import os
+import socket
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 from aps.vehicle.telemetry import VehicleState
 
-__all__ = ["SUFFIX", "StatusServer", "plain_state", "status_directory"]
+__all__ = ["SUFFIX", "StatusServer", "plain_state", "remove_stale", "status_directory"]
 
 SUFFIX: Final = ".sock"
 _log = logging.getLogger(__name__)
@@ -41,6 +45,43 @@ def status_directory() -> Path:
     return path
 
 
+def remove_stale(directory: Path) -> None:
+    """Remove the sockets of daemons that are no more, as of those that were killed.
+
+    Raises:
+        OSError: the directory cannot be read.
+    """
+    with _alone_in(directory):
+        for path in directory.glob(f"*{SUFFIX}"):
+            if _is_stale(path):
+                path.unlink(missing_ok=True)
+
+
+_removed_stale = cache(remove_stale)
+"""Once per process: a fleet's daemons need not look at each other's."""
+
+
+@contextlib.contextmanager
+def _alone_in(directory: Path) -> Iterator[None]:
+    """Keep others from binding or removing sockets there: a stale one may be somebody's before it is removed."""
+    held = os.open(directory, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(held)
+
+
+def _is_stale(path: Path) -> bool:
+    """Whether no process has a socket. It is asked for datagrams, of which whoever has it does not learn."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking:
+        try:
+            asking.connect(str(path))
+        except OSError as error:
+            return error.errno == errno.ECONNREFUSED
+    return False
+
+
 class StatusServer:
     """Answers with what a daemon says of itself. One that cannot be opened is logged: the daemon flies without.
 
@@ -57,12 +98,24 @@ class StatusServer:
     async def start(self) -> None:
         """Begin to answer."""
         try:
-            path = status_directory() / f"{self._name}{SUFFIX}"
-            path.unlink(missing_ok=True)
-            self._server = await asyncio.start_unix_server(self._answer, path)
-            self._path = path
+            self._server = await asyncio.start_unix_server(self._answer, sock=self._bound())
         except OSError as error:
             _log.warning("no status for lostlink aps status: %s", error)
+
+    def _bound(self) -> socket.socket:
+        directory = status_directory()
+        _removed_stale(directory)
+        path = directory / f"{self._name}{SUFFIX}"
+        bound = socket.socket(socket.AF_UNIX)
+        try:
+            with _alone_in(directory):
+                path.unlink(missing_ok=True)
+                bound.bind(str(path))
+        except OSError:
+            bound.close()
+            raise
+        self._path = path
+        return bound
 
     async def _answer(self, _: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):

@@ -22,7 +22,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from aps.logs.printable import printable
-from aps.status import SUFFIX, status_directory
+from aps.status import SUFFIX, remove_stale, status_directory
 
 __all__ = ["ask", "ask_over_http", "tables", "watch"]
 
@@ -62,11 +62,12 @@ LEGEND: Final = "\n".join(
 
 def ask(directory: Path) -> Iterator[dict[str, Any]]:
     """What each daemon says, in the order of their names; sockets that nobody serves any more are removed."""
+    remove_stale(directory)
     for path in sorted(directory.glob(f"*{SUFFIX}")):
         try:
             yield _answer_of(path)
         except (ConnectionRefusedError, FileNotFoundError):
-            path.unlink(missing_ok=True)
+            continue  # it begins, or has just ended
         except (OSError, ValueError) as error:
             yield {"name": path.stem, "error": str(error)}
 

@@ -5,10 +5,12 @@ import io
 import json
 import os
 import socket
+import threading
 
 import pytest
 from rich.console import Console
 
+from aps import status
 from aps.__main__ import main
 from aps.api.backend import DaemonBackend
 from aps.api.guard import ApiConfig
@@ -96,6 +98,48 @@ def test_sockets_of_killed_daemons_are_removed():
         server.bind(str(stale))
     assert list(ask(status_directory())) == []
     assert not stale.exists()
+
+
+async def test_the_next_daemon_removes_them_and_leaves_those_of_others(autopilot):
+    stale, begins = status_directory() / "6760.sock", status_directory() / "6770.sock"
+    config = DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2)
+    with socket.socket(socket.AF_UNIX) as killed, socket.socket(socket.AF_UNIX) as starting:
+        killed.bind(str(stale))
+        starting.bind(str(begins))  # and does not listen yet
+        killed.close()
+        async with Daemon(config) as daemon:
+            assert not stale.exists()
+            assert begins.exists()
+            assert [answer["name"] for answer in await asked()] == [str(daemon.listen_port)]
+            assert begins.exists()
+
+
+def test_none_is_removed_while_another_binds(monkeypatch):
+    """Who has found one stale would remove that of a daemon which has bound its name since."""
+    path = status_directory() / "6760.sock"
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(path))
+    found, servers = threading.Event(), []
+    is_stale = status._is_stale
+
+    def looks(path):
+        was_stale = is_stale(path)
+        found.set()
+        binding.join(0.2)
+        return was_stale
+
+    def bind():
+        found.wait(10.0)
+        servers.append(status.StatusServer("6760", dict)._bound())
+
+    monkeypatch.setattr(status, "_is_stale", looks)
+    monkeypatch.setattr(status, "_removed_stale", lambda _: None)
+    binding = threading.Thread(target=bind)
+    binding.start()
+    status.remove_stale(status_directory())
+    binding.join(10.0)
+    assert path.exists()
+    servers[0].close()
 
 
 def test_status_once(capsys):
