@@ -10,6 +10,7 @@ from rich.table import Table
 
 from bridge.radio.ledger_file import judged_in
 from lostlink.flight.verdict import RunVerdict, verdict_of
+from lostlink.reading.spans import spans_of
 from lostlink.redecision.comparison import BinChange, DecisionComparison, LinkChange
 from lostlink.redecision.redecide import Redecision
 
@@ -125,8 +126,8 @@ def _bins_table(bins: Sequence[BinChange], title: str) -> Table:
     predicts = any(row.predicted_after is not None for row in bins)
     columns = ("distance, m", "packets", "before", "after", *(["predicted"] if predicts else []))
     table = _table(title, *columns)
-    for start_m in sorted({each.distance_min_m for each in bins}):
-        rows = [each for each in bins if each.distance_min_m == start_m]
+    for start_m, end_m in spans_of((each.distance_min_m, each.distance_max_m) for each in bins):
+        rows = [each for each in bins if start_m <= each.distance_min_m < end_m]
         sent = sum(row.sent for row in rows)
         before, after = (
             sum(each) for each in zip(*((r.delivered_before, r.delivered_after) for r in rows), strict=True)
@@ -134,7 +135,7 @@ def _bins_table(bins: Sequence[BinChange], title: str) -> Table:
         shares = [before / sent, after / sent]
         shares += [_mean((row.sent, row.predicted_after) for row in rows)] if predicts else []
         cells = ("-" if share is None else f"{share:.3f}" for share in shares)
-        table.add_row(f"{start_m:.0f}-{rows[0].distance_max_m:.0f}", str(sent), *cells)
+        table.add_row(f"{start_m:.0f}-{end_m:.0f}", str(sent), *cells)
     return table
 
 

@@ -17,16 +17,17 @@ from lostlink.flight.summary import (
     shares_draws,
 )
 from lostlink.reading.named import named
+from lostlink.reading.spans import spans_of
 
 LINKS_MAX = 3
 """Of a row, that are named."""
 
 
 def bins_tables(summary: dict[str, Any]) -> Iterator[Table]:
-    """The tables for people, of each radio network: a row per distance bin, all directed links taken together.
+    """The tables for people, of each radio network: a row per distance bin, or of a long flight per few of them.
 
-    A bin of a link that lies outside its own interval is marked in the last column. Where packets share their draws
-    there are no intervals.
+    All directed links are taken together. A link of which a bin lies outside its own interval is named in the last
+    column. Where packets share their draws there are no intervals.
     """
     networks = networks_of_bins(summary["bins"])
     for network, bins in networks.items():
@@ -52,15 +53,14 @@ def _table(bins: list[dict[str, Any]], network: str) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     if any(is_outside(row) for row in bins):
         table.add_column("outside", overflow="fold")
-    starts = sorted({row["distance_min_m"] for row in bins})
-    for start_m in starts:
-        rows = [row for row in bins if row["distance_min_m"] == start_m]
+    for start_m, end_m in spans_of((row["distance_min_m"], row["distance_max_m"]) for row in bins):
+        rows = [row for row in bins if start_m <= row["distance_min_m"] < end_m]
         sent, delivered = (sum(row[key] for row in rows) for key in ("sent", "delivered"))
         predicted = min(1.0, sum(row["predicted"] * row["sent"] for row in rows) / sent)
         low, high = binomial_interval(sent, predicted)
-        outside = [f"{row['tx']} -> {row['rx']}" for row in rows if is_outside(row)]
+        outside = list(dict.fromkeys(f"{row['tx']} -> {row['rx']}" for row in rows if is_outside(row)))
         table.add_row(
-            f"{start_m:.0f}-{rows[0]['distance_max_m']:.0f}",
+            f"{start_m:.0f}-{end_m:.0f}",
             str(sent),
             str(delivered),
             f"{delivered / sent:.3f}",

@@ -236,6 +236,16 @@ def shown(summary: dict[str, Any]) -> str:
     return " ".join(console.export_text().split())
 
 
+def test_a_table_of_a_long_flight_has_rows_of_several_bins(tmp_path: Path) -> None:
+    """9 km in bins of 20 m; a row has the counts of all of its bins, and names a link once."""
+    bins = [row(20 * number, 100, 0.7) for number in range(450)]
+    lines = next(iter(bins_tables(summary_of(tmp_path, bins)))).columns
+    distances, sent, *_, outside = ([*column.cells] for column in lines)
+    assert (distances[0], distances[-1], len(distances)) == ("0-320", "8960-9280", 29)
+    assert (sent[0], sent[-1]) == ("1600", "200")
+    assert set(outside) == {"0 -> 1"}
+
+
 def test_each_network_has_a_table_of_its_own(tmp_path: Path) -> None:
     """A ground station's modem loses what the agents' radio, on which nothing is lost, does not."""
     bins = [row(0, 100, 1.0) | {"radio": "main"}, row(0, 50, 0.4) | {"radio": "telemetry", "ci99": None}]
