@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import lostlink
 from bridge.record.provenance import collect, write_provenance
 from lostlink.cli.main import main
 from tests.unit.lostlink.replay.flown import flown, scenario_of
@@ -108,3 +109,18 @@ def test_characters_that_a_terminal_has_not_end_no_command(encoding: str, tmp_pa
         ended = subprocess.run(command, capture_output=True, env=environment, check=False)
         assert b"Traceback" not in ended.stderr
         assert says in ended.stdout.decode(encoding, errors="replace")
+
+
+def test_python_m_imports_no_agents_from_the_working_directory_as_the_command_does(tmp_path: Path):
+    (tmp_path / "flock.py").write_text("from lostlink import Agent\n\n\nclass Flock(Agent):\n    pass\n")
+    scenario, home = tmp_path / "scenarios" / "flock.yaml", "{lat_deg: 40, lon_deg: -105, alt_amsl_m: 1600}"
+    scenario.parent.mkdir()
+    scenario.write_text(
+        f"schema: 1\nname: flock\nduration_s: 1\norigin: {home}\nradio: perfect\n"
+        "nodes: [{id: 0, agent: {type: own, class: 'flock:Flock'}}]\n"
+    )
+    command = [sys.executable, "-m", "lostlink", "check", str(scenario)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(lostlink.__file__).parents[1])}
+    ended = subprocess.run(command, capture_output=True, cwd=tmp_path, env=environment, check=False)
+    assert ended.returncode == 2
+    assert f"flock lies in {tmp_path}, which is not on PYTHONPATH" in ended.stderr.decode()
