@@ -203,8 +203,8 @@ class Elrs(AccessMedium):
             super()._enter(packet)
 
     def _beside_bytes(self, node: int) -> int:
-        rest = self._ways[node].rest
-        return 0 if rest is None else rest.left_bytes
+        way = self._ways.get(node)
+        return 0 if way is None or way.rest is None else way.rest.left_bytes
 
     def _wake(self, node: int) -> None:
         way = self._ways[node]

@@ -102,13 +102,13 @@ class AccessMedium(ABC):
         return self._switched is not None and self._switched.is_off(node, at_ns)
 
     def queued(self, node: int) -> tuple[int, int]:
-        """How many packets of a node wait, and their length in bytes."""
-        outbox = self._outboxes[node]
-        return len(outbox), outbox.length_bytes
+        """How many packets of a node wait, and their bytes; one of which a part was sent waits with what is left."""
+        outbox, beside_bytes = self._outboxes[node], self._beside_bytes(node)
+        return len(outbox) + (beside_bytes > 0), outbox.length_bytes + beside_bytes
 
     def waiting_bytes(self, node: int) -> int:
-        """All bytes of a node that wait: its queue, and what is left of a packet that it has begun to send."""
-        return self._outboxes[node].length_bytes + self._beside_bytes(node)
+        """All bytes of a node that wait."""
+        return self.queued(node)[1]
 
     def receivers_of(self, packet: AirPacket) -> tuple[int, ...]:
         """Who has a fate of it."""

@@ -168,7 +168,8 @@ class Sik(AccessMedium):
             super()._enter(packet)
 
     def _beside_bytes(self, node: int) -> int:
-        return self._radios[node].stream.begun_bytes
+        radio = self._radios.get(node)
+        return 0 if radio is None else radio.stream.begun_bytes
 
     def _passed(self, frame: AirFrame, receiver: int, loss: Loss | None) -> None:
         """A frame has passed a node."""

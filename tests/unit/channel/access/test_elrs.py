@@ -485,3 +485,11 @@ def test_the_first_slot_begins_at_an_instant_of_its_own() -> None:
         begins_us.add(world.first_ns / 1000)
     assert len(begins_us) == 8
     assert max(begins_us) < 2 * LORA_500.interval_us
+
+
+def test_a_packet_of_which_a_chunk_was_taken_waits_with_what_is_left() -> None:
+    medium = Elrs(PlainWorld((0, 1, 2)))
+    medium.offer(AirPacket(0, 0, 1, 100, 0))
+    medium.run(1 * MS)
+    assert medium.queued(0) == (1, 100 - CHUNK_BYTES)
+    assert medium.queued(2) == (0, 0), "which has no peer"

@@ -438,3 +438,15 @@ def test_mistakes_are_said() -> None:
         Sik(PlainWorld(range(4)), SikSettings(netids=(3, 3)))
     with pytest.raises(ValueError, match="60 channels: 1 to 50"):
         SikSettings(channels=60)
+
+
+def test_a_packet_of_which_a_part_was_sent_waits_with_what_is_left() -> None:
+    world = Watched((0, 1, 2))
+    medium = Sik(world, SikSettings(phases=BEFORE_OWN, networks=((0, 1),)), limits=UNLIMITED)
+    busy(medium, [0], 1000, 2)
+    medium.run(10 * MS)
+    assert len(world.frames) == 1
+    assert medium.queued(0) == (2, 2000 - 250)  # 252 bytes with the trailer
+    assert medium.queued(2) == (0, 0), "which is on no NETID"
+    medium.run(2 * S)
+    assert medium.queued(0) == (0, 0)
