@@ -15,8 +15,8 @@ one sent again.
     0, if not last + 1     RESTART; STALE after 1                     RESTART
 
 Two autopilots on one port would take the UA from each other with every packet. So those whose place another has
-taken are not heard, as long as that one is answered: SITL, started beside another, begins at 0, and the later one
-flies, also when it is started once more.
+taken are not heard any more, however long that one is silent, before they boot anew: SITL, started beside another,
+begins at 0, and the later one flies, also when it is started once more.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ from fdm.wire.servo_packet import FRAME_COUNT_MODULUS
 
 RESEND_SILENCE_NS = 1_000_000_000
 """Wall time after a reply from which a repeated packet means that the reply was lost."""
-REPLACED_SILENCE_NS = 3_000_000_000
-"""Wall time after the latest answer, or the take-over, from which the autopilots of before are heard again."""
 REPLACED_KEPT = 8
 """So many of these are known: each boot of an autopilot is one more, at another port."""
 REORDER_SPAN = 16
@@ -58,7 +56,7 @@ class ServoVerdict(Enum):
     STALE = "stale"
     """A late datagram: nothing to do."""
     REPLACED = "from_the_one_replaced"
-    """Of the autopilot whose place another one has taken, which is there: nothing to do."""
+    """Of an autopilot whose place another one has taken: nothing to do."""
 
 
 STEPPING = frozenset({ServoVerdict.BOOT, ServoVerdict.RESTART, ServoVerdict.ADVANCE, ServoVerdict.GAP})
@@ -71,7 +69,7 @@ class Lockstep:
     Attributes:
         sender: source address of the latest packet that was heard and not stale; replies go there. None before the
             first.
-        replaced: the senders before that one, the latest first.
+        replaced: the senders before that one, the latest first, with the last frame_count that was heard of each.
         reply: the latest reply, as encoded, for RESEND; empty before the first.
         unread: answers that the autopilot has not shown to have read; each new packet shows that it read one. With
             none left it is blocked, and all that it had to say before its latest packet is said.
@@ -84,7 +82,7 @@ class Lockstep:
         self._answered = -1
         self._answered_at_ns = 0
         self.sender: Any = None
-        self.replaced: tuple[Any, ...] = ()
+        self.replaced: dict[Any, int] = {}
         self.reply: Any = b""
         self.unread = 0
 
@@ -123,7 +121,7 @@ class Lockstep:
     def _judge_unusual(self, frame_count: int, sender: object, wall_ns: int) -> ServoVerdict:
         if self._frame_count < 0:
             return self._take(frame_count, sender, wall_ns, ServoVerdict.BOOT)
-        if sender in self.replaced and wall_ns - self._answered_at_ns < REPLACED_SILENCE_NS:
+        if sender in self.replaced and (frame_count or self.replaced[sender] <= REORDER_SPAN):
             return ServoVerdict.REPLACED
         ahead = (frame_count - self._frame_count) % FRAME_COUNT_MODULUS
         if 0 < ahead < _HALF and (frame_count or ahead == 1):
@@ -152,12 +150,12 @@ class Lockstep:
         return ServoVerdict.RESEND
 
     def _take(self, frame_count: int, sender: object, wall_ns: int, verdict: ServoVerdict) -> ServoVerdict:
+        if sender != self.sender:
+            others = [(self.sender, self._frame_count), *self.replaced.items()]
+            kept = [each for each in others if each[0] not in (None, sender)][:REPLACED_KEPT]
+            self.replaced, self.sender, self._answered_at_ns = dict(kept), sender, wall_ns
         self._frame_count = frame_count
         self._answered = -1
-        if sender != self.sender:
-            others = (each for each in (self.sender, *self.replaced) if each not in (None, sender))
-            self.replaced, self.sender = tuple(others)[:REPLACED_KEPT], sender
-            self._answered_at_ns = wall_ns
         self.unread = 0
         return verdict
 

@@ -1,6 +1,6 @@
 import pytest
 
-from fdm.wire.lockstep import REPLACED_SILENCE_NS, RESEND_SILENCE_NS, FrameTimer, Lockstep, ServoVerdict
+from fdm.wire.lockstep import RESEND_SILENCE_NS, FrameTimer, Lockstep, ServoVerdict
 
 A, B = ("127.0.0.1", 40000), ("127.0.0.1", 40001)
 
@@ -124,19 +124,32 @@ def test_a_change_of_rate_goes_on_from_the_present_time():
     assert timer.advance(400) == 7_500_000
 
 
-def test_of_two_autopilots_on_one_port_the_later_one_is_heard_while_it_is_answered():
-    """A is far ahead when B boots, and goes on sending: packets, and repeats of these."""
+HOUR_NS = 3600 * 10**9
+
+
+def test_of_two_autopilots_on_one_port_the_later_one_is_heard_however_slowly_it_is_answered():
+    """A is far ahead when B boots, and goes on sending: packets, and repeats of these, until it boots itself."""
     lockstep = after(1000)
     assert lockstep.receive(0, B, 1) is ServoVerdict.RESTART
     for count in (1001, 1001, 1002):
-        assert lockstep.receive(count, A, REPLACED_SILENCE_NS) is ServoVerdict.REPLACED
-    lockstep.answered(0, b"", REPLACED_SILENCE_NS)
-    assert lockstep.receive(1, B, REPLACED_SILENCE_NS) is ServoVerdict.ADVANCE
-    lockstep.answered(1, b"", REPLACED_SILENCE_NS)
-    assert lockstep.receive(1002, A, 2 * REPLACED_SILENCE_NS - 1) is ServoVerdict.REPLACED
+        assert lockstep.receive(count, A, HOUR_NS) is ServoVerdict.REPLACED
+    for count in range(60):
+        lockstep.answered(count, b"", HOUR_NS)
+        assert lockstep.receive(count + 1, B, HOUR_NS) is ServoVerdict.ADVANCE
+    assert lockstep.receive(1002, A, 2 * HOUR_NS) is ServoVerdict.REPLACED
     assert lockstep.sender == B
-    assert lockstep.receive(0, A, 2 * REPLACED_SILENCE_NS) is ServoVerdict.RESTART, "B is gone"
-    assert lockstep.receive(2, B, 2 * REPLACED_SILENCE_NS) is ServoVerdict.REPLACED
+    assert lockstep.receive(0, A, 2 * HOUR_NS) is ServoVerdict.RESTART
+    assert lockstep.receive(61, B, 2 * HOUR_NS) is ServoVerdict.REPLACED
+
+
+def test_of_two_that_boot_together_the_earlier_one_does_not_come_back_with_its_first_packet():
+    lockstep = Lockstep()
+    assert lockstep.receive(0, A, 0) is ServoVerdict.BOOT
+    assert lockstep.receive(0, B, 1) is ServoVerdict.RESTART
+    for count in range(60):
+        lockstep.answered(count, b"", HOUR_NS)
+        assert lockstep.receive(0, A, 2 * HOUR_NS) is ServoVerdict.REPLACED
+        assert lockstep.receive(count + 1, B, 2 * HOUR_NS) is ServoVerdict.ADVANCE
 
 
 def test_the_later_one_is_heard_also_when_it_boots_anew_at_other_ports():
