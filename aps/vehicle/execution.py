@@ -65,6 +65,8 @@ class CommandProgress:
     """Items, parameters or bytes so far ..."""
     total: int | None = None
     """... of how many, where that is known."""
+    refused: bool = False
+    """Whether the autopilot refuses a part of what was asked for, a speed or a heading, and goes on without it."""
 
 
 class Refusal(RuntimeError):
@@ -162,9 +164,10 @@ class Execution(ABC):
         remaining_m: float | None = None,
         done: int | None = None,
         total: int | None = None,
+        refused: bool = False,
     ) -> None:
         """Add a piece of progress."""
-        self.events.append(CommandProgress(self.verb, phase, text, remaining_m, done, total))
+        self.events.append(CommandProgress(self.verb, phase, text, remaining_m, done, total, refused))
 
     # What each kind does.
 

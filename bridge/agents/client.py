@@ -52,8 +52,8 @@ M = TypeVar("M", bound=Message)
 log = logging.getLogger("agent")
 LOGGED_MAX = 1000
 """Values that an agent may log at a tick."""
-REFUSED = " refused: "
-"""In the feedback of a `goto`: that the autopilot flies it without the speed or heading that was asked for."""
+REFUSED = "refused"
+"""Outcome in the feedback of a `goto`: the autopilot flies it without the speed or heading that was asked for."""
 ROUNDING_NS = 0.5
 """Times are whole nanoseconds, but for the rounding of seconds."""
 OnPacket = Callable[[str, str, bytes, Reception], object]
@@ -378,7 +378,7 @@ class UaClient(Commands):
             if event.phase == CommandEvent.FEEDBACK:
                 if on_feedback is not None:
                     on_feedback(event)
-                elif verb == "goto" and REFUSED in event.text:
+                elif verb == "goto" and event.outcome == REFUSED:
                     self.report(f"{verb}: {event.text}")
         if self.is_over:
             raise self._over(verb)

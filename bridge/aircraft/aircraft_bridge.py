@@ -195,7 +195,8 @@ def _progress(progress: CommandProgress) -> CommandEvent:
     remaining_m = math.nan if progress.remaining_m is None else progress.remaining_m
     done = -1 if progress.done is None else progress.done
     total = -1 if progress.total is None else progress.total
-    return CommandEvent(phase, True, progress.text, remaining_m, done=done, total=total)
+    outcome = Outcome.REFUSED.value if progress.refused else ""
+    return CommandEvent(phase, True, progress.text, remaining_m, outcome, done=done, total=total)
 
 
 def _result(result: CommandResult) -> CommandEvent:

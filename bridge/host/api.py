@@ -68,6 +68,7 @@ def _progress(verb: str, event: CommandEvent) -> CommandProgress:
         None if math.isnan(event.remaining_m) else event.remaining_m,
         None if event.done < 0 else event.done,
         None if event.total < 0 else event.total,
+        event.outcome == Outcome.REFUSED.value,
     )
 
 

@@ -205,7 +205,7 @@ class StepSequence:
         name = enum_label("MAV_CMD", step.command or 0)
         if step.optional:
             why = f" ({step.hint})" if step.hint and not words else ""
-            self._command.tell("feedback", f"{name} refused: {reason}{why}")
+            self._command.tell("feedback", f"{name} refused: {reason}{why}", refused=True)
             waiting.answer = _ACCEPTED
             return
         hint = self._plan.refusal_hint or f"{name}; the autopilot does not say why"

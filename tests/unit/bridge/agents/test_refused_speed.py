@@ -15,12 +15,12 @@ TOLD = "DO_CHANGE_SPEED refused: FAILED (a speed beyond AIRSPEED_MIN to AIRSPEED
 class Outlet:
     """Carries out what it is given, and keeps what is reported."""
 
-    def __init__(self, text: str) -> None:
-        self._text = text
+    def __init__(self, text: str, outcome: str) -> None:
+        self._text, self._outcome = text, outcome
         self.said: list[str] = []
 
     def command(self, verb: str, goal: CommandGoal, on_event: Callable[[CommandEvent], object]) -> None:
-        on_event(CommandEvent(CommandEvent.FEEDBACK, True, self._text))
+        on_event(CommandEvent(CommandEvent.FEEDBACK, True, self._text, outcome=self._outcome))
         on_event(CommandEvent(CommandEvent.ACCEPTED, True, "accepted by the autopilot"))
         on_event(CommandEvent(CommandEvent.RESULT, True, f"{verb} reached", outcome="reached"))
 
@@ -28,9 +28,16 @@ class Outlet:
         self.said.append(status.activity)
 
 
-@pytest.mark.parametrize(("text", "said"), [(TOLD, [f"goto: {TOLD}"]), ("in progress, 30 %", []), ("", [])])
-async def test_it_is_told_unless_the_agent_listens_itself(text: str, said: list[str]) -> None:
-    outlet = Outlet(text)
+@pytest.mark.parametrize(
+    ("text", "outcome", "said"),
+    [
+        (TOLD, "refused", [f"goto: {TOLD}"]),
+        ("in progress, 30 %", "", []),
+        ("the last try was refused: it goes on", "", []),
+    ],
+)
+async def test_it_is_told_unless_the_agent_listens_itself(text: str, outcome: str, said: list[str]) -> None:
+    outlet = Outlet(text, outcome)
     ua = UaClient("0", outlet)  # type: ignore[arg-type]
     assert await ua.goto(47.0, 8.0, 20.0, speed_mps=7.0)
     assert outlet.said == said

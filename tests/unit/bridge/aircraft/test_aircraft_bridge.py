@@ -9,11 +9,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import bridge.aircraft.aircraft_bridge
+import bridge.host.api
 import bridge.record.inputs.fields
 from aps.config import DaemonConfig
 from aps.held import HeldDaemon
 from aps.links.kinds.called import CalledLink
 from aps.vehicle.commander import VERBS
+from aps.vehicle.execution import CommandProgress
 from aps.vehicle.telemetry import Telemetry
 from aps.wire.framer import Frame, Framer
 from bridge.aircraft.aircraft_bridge import AGED, AircraftBridge, state_message
@@ -224,3 +226,11 @@ def test_a_mavlink_message_that_there_is_not_is_told_with_those_that_were_heard(
         aircraft.daemon.vehicle.messages.take(frame, 0)
     with pytest.raises(ValueError, match=r"heard so far: SYSTEM_TIME, VFR_HUD$"):
         aircraft.last_message("NONSENSE")
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_that_a_part_of_a_command_is_refused_goes_to_agents_and_to_the_api(refused: bool) -> None:
+    progress = CommandProgress("goto", "feedback", "DO_CHANGE_SPEED refused: FAILED", refused=refused)
+    event = bridge.aircraft.aircraft_bridge._progress(progress)
+    assert (event.phase, event.outcome) == (CommandEvent.FEEDBACK, "refused" if refused else "")
+    assert bridge.host.api._progress("goto", event) == progress

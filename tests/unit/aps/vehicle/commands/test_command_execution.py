@@ -223,7 +223,8 @@ def test_refused_speed_does_not_end_the_goto():
     execution.on_ack(SPEED, FAILED)
     execution.poll(FLYING, 0)
     assert execution.result is None
-    assert "DO_CHANGE_SPEED refused: FAILED: too fast" in [event.text for event in execution.events]
+    refused = [event.text for event in execution.events if event.refused]
+    assert refused == ["DO_CHANGE_SPEED refused: FAILED: too fast"]
     execution.poll(replace(FLYING, lat_deg=47.001), 1)
     assert execution.result.reached
 
