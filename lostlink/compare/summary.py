@@ -12,12 +12,11 @@ from bridge.record.digests import digest_line, digests
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
+from channel.medium.judge.check import BASE_LOSS
 from lostlink.reading.links.counts import link_counts
 
 FROM_LEDGER: Final = frozenset(("links", "bins", "refused", "checks", "unjudged"))
 """Keys that a summary has from `ledger.json`, as they are there."""
-NOT_COUNTED: Final = "the radio has one, and no packet was counted"
-"""Why a base loss is not judged of which the ledger says nothing: the summary alone has such rows."""
 SHOWN: Final = 12
 Counts = dict[tuple[str, str], tuple[int, int]]
 
@@ -84,9 +83,15 @@ def _in_ledger(summary: Mapping[str, Any], run: Path) -> Iterator[str]:
     for key in sorted(summary.keys() & ledger.keys() & FROM_LEDGER):
         said = summary[key]
         if key == "unjudged":
-            said = [each for each in said if each["why"] != NOT_COUNTED]
+            said = [each for each in said if not _is_of_the_summary(each, ledger)]
         if not _same(said, ledger[key]):
             yield f"{key}: not those of {LEDGER}"
+
+
+def _is_of_the_summary(row: Mapping[str, Any], ledger: Mapping[str, Any]) -> bool:
+    """Whether a row is on a base loss of which the ledger says nothing: the summary alone has such."""
+    told = {each["name"] for each in (*ledger["checks"], *ledger["unjudged"])}
+    return row["name"] not in told and row["name"].split(": ")[-1] == BASE_LOSS
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -17,8 +17,8 @@ from bridge.run.json_object import read_object, write_object
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
 from bridge.scenario.resolve.radio import config_of
+from channel.medium.judge.check import BASE_LOSS
 from fdm.clock.events import EventKind
-from lostlink.compare.summary import NOT_COUNTED
 from lostlink.expectations.judge import Judgement, judge
 from lostlink.flight.crashes import crashes
 from lostlink.flight.full_modems import full_modems
@@ -33,6 +33,8 @@ from lostlink.reading.links.routes import on_air_ns
 from lostlink.reading.rows import RecordedDeliveries
 
 SCHEMA = 3
+NOT_COUNTED = "the radio has one, and no packet was counted"
+"""Why a base loss is not judged of which the ledger says nothing."""
 BIN_SENT_MIN = 50
 """Bins with fewer packets are shown, but not held against their interval."""
 
@@ -182,7 +184,7 @@ def _base_losses_not_counted(scenario: Scenario, ledger: dict[str, Any]) -> list
     own = [node.radio for node in scenario.transceivers if node.radio is not None]
     radios = {MAIN: [scenario.radio, *own]} | {name: [radio] for name, radio in scenario.networks.items()}
     names = {
-        f"{network}: base loss" if len(radios) > 1 else "base loss"
+        f"{network}: {BASE_LOSS}" if len(radios) > 1 else BASE_LOSS
         for network, each in radios.items()
         if any(config_of(radio).base_loss > 0.0 for radio in each)
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from channel.numbers import special
 
@@ -50,6 +50,10 @@ class Check(NamedTuple):
     def sees(self) -> bool:
         """Whether there was enough to see the defect."""
         return self.power >= ENOUGH
+
+
+BASE_LOSS: Final = "base loss"
+"""Name of the check of what a radio loses whatever the channel does."""
 
 
 class Unjudged(NamedTuple):

@@ -22,6 +22,7 @@ from channel.link.radio import Radio
 from channel.link.tables.steps import STEPS_PER_DB
 from channel.medium.judge.changes import APART_NS, FROM_PACKET_TO_PACKET, OVER_PLACE, Changes
 from channel.medium.judge.check import (
+    BASE_LOSS,
     LEVEL,
     Check,
     Unjudged,
@@ -191,7 +192,7 @@ class Judge:
     def _base(self) -> Iterator[Check | Unjudged]:
         off = self._base_losses - self._base_expected
         if self._base_packets:
-            yield _count_check("base loss", self._base_packets, off, (self._base_variance, self._base_third))
+            yield _count_check(BASE_LOSS, self._base_packets, off, (self._base_variance, self._base_third))
 
     def _draws(self) -> Iterator[Check | Unjudged]:
         if not self._heard:

@@ -17,7 +17,7 @@ from bridge.run.directory import SUMMARY_FILE, RunDirectory
 from lostlink.cli.records.compare import compare
 from lostlink.cli.records.report import report
 from lostlink.compare.summary import mistakes_in_summary
-from lostlink.flight.summary import Timing, summarise, write_summary
+from lostlink.flight.summary import NOT_COUNTED, Timing, summarise, write_summary
 from tests.unit.lostlink.replay.flown import TICK_NS, Sent, flown, scenario_of
 
 TICKS = 20
@@ -47,15 +47,19 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
     return copied
 
 
+@pytest.mark.parametrize("why", [NOT_COUNTED, "as another version says it"])
 def test_a_summary_that_tells_of_a_network_by_which_nothing_went_is_that_of_its_record(
-    tmp_path: Path,
+    why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its base loss was not looked at: so says the summary alone."""
+    monkeypatch.setattr("lostlink.flight.summary.NOT_COUNTED", why)
     scenario = scenario_of("corrected", ("0", "1"), extra="networks: {video: wifi-5.8}\n")
     run = RunDirectory(flown(tmp_path / "run", scenario, TICKS))
     write_summary(summarise(scenario, run, Timing(TICKS * TICK_NS / 1e9, 1.0), "duration"), run)
     assert "video: base loss" in [each["name"] for each in run.summary["unjudged"]]
     assert mistakes_in_summary(run.path) == []
+    change(run.path, lambda summary: summary["unjudged"].append({"name": "losses", "why": "too few"}))
+    assert mistakes_in_summary(run.path) == ["unjudged: not those of ledger.json"]
 
 
 def change(run: Path, alter: Callable[[dict[str, Any]], object]) -> None:
