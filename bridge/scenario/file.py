@@ -107,7 +107,7 @@ def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scena
     settings = settings_of(overrides)
     anew = max((number for number, each in enumerate(settings) if each.key == "nodes"), default=0)
     settings = [each for number, each in enumerate(settings) if number >= anew or not each.is_of_nodes]
-    of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each.steps)]
+    of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
     root = with_settings(with_groups_expanded(root), of_nodes)
     refuse_no_texts(root)

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 
 from bridge.scenario.document.merge import kind_of, merged, same_id
+from bridge.scenario.document.settings import Setting
 from bridge.scenario.document.written import OfOne, Path_, Written, plain
 from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES, is_count, is_whole
 from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
@@ -73,10 +74,13 @@ def _refuse_patterns_of_one(root: Written, nodes: Written) -> None:
                 )
 
 
-def is_of_a_group(steps: tuple[str, ...]) -> bool:
-    """Whether a setting's key is about a group, not one of its nodes: its count, or its pattern."""
+def is_of_a_group(setting: Setting) -> bool:
+    """Whether a setting is about a group, not one of its nodes: its count, or its pattern."""
+    steps, value = setting.steps, setting.value
     if steps[0] != "nodes" or "agent" in steps:
         return False
+    if steps[-1] in PLACES.values() and isinstance(value, Mapping):
+        return any(value.get(pattern) is not None for pattern in PATTERNS)
     return steps[-1] == COUNT or any(
         key in PLACES.values() and below in PATTERNS for key, below in pairwise(steps)
     )

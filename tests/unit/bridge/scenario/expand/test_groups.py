@@ -119,6 +119,21 @@ def test_settings_of_a_group_and_of_its_nodes() -> None:
     assert agent.options == {"count": 7}
 
 
+def test_a_setting_puts_a_group_in_another_pattern() -> None:
+    """As a file that extends it does; of a single node a place stays its own."""
+    text = GROUP % "column: {spacing_m: 30}"
+    it = fleet(text, "nodes.0.home={ring: {radius_m: 50}, north_m: 100}", "nodes.1.home={east_m: 7}")
+    assert [(round(ua.home.north_m), round(ua.home.east_m)) for ua in it.ua[:4]] == [
+        (150, 0),
+        (0, 7),
+        (75, 43),
+        (50, 0),
+    ]
+    masts = "  - {id: 'mast-{i}', kind: ground, count: 2, agent: {type: still}}\n"
+    it = fleet(text + masts, "nodes.mast-{i}.place={line: {spacing_m: 9}}")
+    assert [node.place.east_m for node in it.ground if node.place] == [0, 9]
+
+
 def test_values_of_a_pattern_follow_count_and_index() -> None:
     """Also the pattern itself may be another node by node; each has the place of its own index in it."""
     by_count = homes("ring: {radius_m: '{10 * n}'}, heading_deg: {each: [1, 2]}", "nodes.0.count=4")
