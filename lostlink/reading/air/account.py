@@ -67,6 +67,7 @@ class AirAccount:
         delay_p50_s, delay_p95_s: from the sender's stamp to arrival. None as above.
         lost_waiting: receptions for which there was no time on the air.
         waiting_at_end: those of them that were not lost before the run ended.
+        replaced: those of them whose place in the queue a newer packet with their key took.
         lost_overlapping: receptions that were lost as frames were on the air at once, where no node waits for others;
             0 where nodes do.
         received_most_bps: payload that one node received in the busiest such time of its own.
@@ -95,6 +96,7 @@ class AirAccount:
     delay_p95_s: float | None
     lost_waiting: int
     waiting_at_end: int
+    replaced: int
     lost_overlapping: int
     received_most_bps: float
     received_most_node: str
@@ -180,7 +182,8 @@ class AirAccount:
                 "no node waits for others there, and "
                 f"{self.lost_overlapping} receptions were lost as frames were on the air at once"
             )
-        return f"{self._lost_in_time} receptions were lost for want of time on the air"
+        lost = f"{self._lost_in_time} receptions were lost for want of time on the air"
+        return f"{lost}, {self.replaced} of them to newer packets with their key" if self.replaced else lost
 
     @property
     def _network(self) -> str:
@@ -274,6 +277,7 @@ class AirTally:
             delay_p95_s=_number(delays, 1),
             lost_waiting=self._lost(*WAITING),
             waiting_at_end=int(self._fates[RUN_ENDED]),
+            replaced=self._lost(Fate.REPLACED),
             lost_overlapping=0 if capacity.has_turns else self._lost(*OVERLAPPING),
             received_most_bps=float(received_bps[most]),
             received_most_node=packets.nodes[most],

@@ -274,6 +274,7 @@ def _air(air: dict[str, Any]) -> list[Row]:
             ["delay from the agent’s word to arrival, median and 95 %", _two(air, "delay")],
             ["receptions lost for want of time on the air", count(air["lost_waiting"])],
             ["of these, waiting when the run ended", count(air["waiting_at_end"])],
+            ["of these, replaced by newer packets with their key", count(air["replaced"])],
         ]
     return rows
 

@@ -168,6 +168,19 @@ def test_each_sender_has_its_own_slots() -> None:
     assert "40 receptions were lost for want of time on the air" in "".join(account.warnings)
 
 
+def test_packets_that_newer_ones_replaced_are_told_apart() -> None:
+    """An agent that sends its newest state with a key wants these lost."""
+    fates = ["replaced"] * 30 + ["queue_full"] * 10
+    account = account_of(
+        rows(*({"seq": seq, "fate": fate} for seq, fate in enumerate(fates))), capacity(TDMA), S
+    )
+    assert (account.lost_waiting, account.replaced) == (40, 30)
+    (warning,) = account.warnings
+    assert warning.endswith(
+        "40 receptions were lost for want of time on the air, 30 of them to newer packets with their key"
+    )
+
+
 @pytest.mark.parametrize("medium", ["airtime", "csma"])
 def test_each_channel_has_its_own_time(medium: str) -> None:
     """Nodes 0 and 1 offer 10 packets each, node 2 on another channel 15."""
