@@ -187,7 +187,9 @@ class FleetFlight:
         return float(times_ns[-1]) / NS_PER_S if len(times_ns) else -1.0
 
     async def at(self, sim_time_s: float) -> None:
-        """Wait until the flight has been recorded up to ``sim_time_s``.
+        """Wait until the true states and the packets of the flight have been recorded up to ``sim_time_s``.
+
+        What agents log, sensors' readings and MAVLink may be there to an earlier time until it has ended.
 
         Raises:
             AssertionError: it ended before that; the text says how.
