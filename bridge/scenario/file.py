@@ -13,7 +13,7 @@ from bridge.scenario.document.extends import SCENARIOS, read_file, read_text, sc
 from bridge.scenario.document.files import Find, with_absolute_files
 from bridge.scenario.document.settings import Overrides, settings_of, with_settings
 from bridge.scenario.document.written import Written, WrittenPlace, plain, written_at
-from bridge.scenario.expand.groups import is_of_a_group, refuse_same_ids, with_groups_expanded
+from bridge.scenario.expand.groups import ids_of_groups, is_of_a_group, refuse_same_ids, with_groups_expanded
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.mistakes.names import with_known_names
@@ -109,9 +109,10 @@ def _scenario_of(root: Written, overrides: Overrides, find: Find = str) -> Scena
     settings = [each for number, each in enumerate(settings) if number >= anew or not each.is_of_nodes]
     of_nodes = [each for each in settings if each.is_of_nodes and not is_of_a_group(each)]
     root = with_settings(root, [each for each in settings if each not in of_nodes])
+    of_groups = ids_of_groups(root)
     root = with_settings(with_groups_expanded(root), of_nodes)
     refuse_no_texts(root)
-    refuse_same_ids(root)
+    refuse_same_ids(root, of_groups)
     root = with_absolute_files(root, find)
     return with_known_names(root, _validated(root))
 

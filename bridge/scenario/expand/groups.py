@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NoReturn
@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from bridge.scenario.document.merge import kind_of, merged, same_id
 from bridge.scenario.document.settings import Setting
 from bridge.scenario.document.written import OfOne, Path_, Written, plain
-from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES, is_count, is_whole
+from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES, ids_of, is_count, is_whole
 from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
@@ -86,12 +86,19 @@ def is_of_a_group(setting: Setting) -> bool:
     )
 
 
-def refuse_same_ids(root: Written) -> None:
+def ids_of_groups(root: Written) -> set[str]:
+    """The ids that groups have, before they are expanded."""
+    nodes = root.get("nodes")
+    return {node_id for node in (nodes.items() if nodes else []) for node_id in ids_of(node)}
+
+
+def refuse_same_ids(root: Written, of_groups: Set[str]) -> None:
     """See that no two nodes have one id.
 
     Raises:
         ScenarioError: they do; the place is that of the second.
     """
+    apart = "; what one node of a group has of its own stands in a file that extends this one, or in --set"
     first: dict[str, Written] = {}
     for index, node in enumerate(nodes.items() if (nodes := root.get("nodes")) else []):
         node_id = node.get("id")
@@ -101,7 +108,7 @@ def refuse_same_ids(root: Written) -> None:
         if text in first:
             raise ScenarioError(
                 f"{node_id.place}: nodes.{index}.id: id {text} is used more than once, first at {first[text].place}: "
-                "each node needs its own"
+                f"each node needs its own{apart if text in of_groups else ''}"
             )
         first[text] = node_id
 

@@ -235,6 +235,12 @@ def test_the_second_of_two_equal_ids_is_named() -> None:
         ScenarioError, match=r"many.yaml:9: nodes.6.id: id 3 is used more than once, first at many.yaml:8"
     ):
         fleet(GROUP % "line: {spacing_m: 3}" + "  - {id: 3, agent: {type: still}}\n")
+    with pytest.raises(
+        ScenarioError, match=r"needs its own; what one node of a group has of its own stands in a"
+    ):
+        fleet(GROUP % "line: {spacing_m: 3}" + "  - {id: 3, radio_off: [{from_s: 1}]}\n")
+    with pytest.raises(ScenarioError, match=r"each node needs its own$"):
+        fleet("  - {id: 3, agent: {type: still}}\n" * 2)
 
 
 def test_emitters_stand_in_patterns() -> None:
