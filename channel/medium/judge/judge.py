@@ -94,7 +94,8 @@ class Judge:
 
         Args:
             radio: whose law is judged, at both ends.
-            links: the links; which of them are here may depend on their geometry, but on no draw.
+            links: the links; which of them are here may depend on their geometry, but on no draw, other than that a
+                node answers what it heard.
             mean_power_dbm: of the link budget.
             noise_dbm: noise floor and interference that the radio has there; broadcasts.
             signal: as drawn, in whole steps.
@@ -288,12 +289,17 @@ class _Powers:
         )
         self._links = int(self._number.max(initial=-1)) + 1
         self._next_ns = np.zeros((len(self._questions), self._links), dtype=np.int64)
+        self._sender = np.full(self._links, NOWHERE, dtype=np.intp)
+        """Of each pair, whose packets are looked at; see `_begin`."""
         self._off = self._exact = 0
         self._asked = False
 
     def take(self, radio: Radio, links: LinksOfPass, mean_dbm: FloatArray, power_dbm: FloatArray) -> None:
         if not self._is_asked(radio, mean_dbm, power_dbm):
             return
+        number = self._numbers(links)
+        if self._are_new(number):
+            self._begin(links.tx, number, np.lexsort((links.tx, links.sim_time_ns)))
         for row in np.flatnonzero(self._due(links)).tolist():
             self._look(radio, links, row, mean_dbm, power_dbm)
 
@@ -304,13 +310,17 @@ class _Powers:
         order: NDArray[np.intp],
     ) -> None:
         """Take in rows of parts one after the other: `part` says of which part each is, `order` which comes when."""
-        due = []
+        numbers = []
         for taken, rows in picked:
             power_dbm = taken.signal.received_power_dbm
             is_asked = self._is_asked(taken.radio, taken.mean_power_dbm[rows], power_dbm[rows])
-            due.append(self._due(taken.links)[rows] if is_asked else np.zeros(rows.size, dtype=bool))
+            numbers.append(self._numbers(taken.links)[rows] if is_asked else np.full(rows.size, NOWHERE))
+        number = np.concatenate(numbers)
+        if self._are_new(number):
+            self._begin(np.concatenate([taken.links.tx[rows] for taken, rows in picked]), number, order)
+        due = np.concatenate([self._due(taken.links)[rows] for taken, rows in picked]) & (number != NOWHERE)
         row_of = np.concatenate([rows for _, rows in picked])
-        for each in order[np.concatenate(due)[order]].tolist():
+        for each in order[due[order]].tolist():
             taken, _ = picked[part[each]]
             power_dbm = taken.signal.received_power_dbm
             self._look(taken.radio, taken.links, int(row_of[each]), taken.mean_power_dbm, power_dbm)
@@ -325,10 +335,29 @@ class _Powers:
         self._off += int(np.count_nonzero(np.abs(power_dbm - mean_dbm) > EXACT_DB))
         return False
 
+    def _numbers(self, links: LinksOfPass) -> Ints:
+        """The numbers of links among those judged, or -1."""
+        number: Ints = self._number[links.tx * self._nodes + links.rx]
+        return number
+
+    def _are_new(self, number: Ints) -> bool:
+        """Whether any pair has had no packet."""
+        return bool(((number != NOWHERE) & (self._sender[number] == NOWHERE)).any())
+
+    def _begin(self, tx: NDArray[np.intp], number: Ints, order: NDArray[np.intp]) -> None:
+        """Look at a pair in the direction of its first packet, of several at an instant the lowest node's.
+
+        Who only answers does so where it hears: its powers are those of good places.
+        """
+        begun, first = np.unique(number[order], return_index=True)
+        new = (begun != NOWHERE) & (self._sender[begun] == NOWHERE)
+        self._sender[begun[new]] = tx[order][first[new]]
+
     def _due(self, links: LinksOfPass) -> NDArray[np.bool_]:
         """Which links may be looked at."""
-        number = self._number[links.tx * self._nodes + links.rx]
-        due: NDArray[np.bool_] = (number >= 0) & (links.sim_time_ns >= self._next_ns.min(axis=0)[number])
+        number = self._numbers(links)
+        is_judged = (number != NOWHERE) & (self._sender[number] == links.tx)
+        due: NDArray[np.bool_] = is_judged & (links.sim_time_ns >= self._next_ns.min(axis=0)[number])
         return due
 
     def _look(
@@ -360,9 +389,9 @@ class _Powers:
 
 
 def _judged_links(nodes: int) -> NDArray[np.int64]:
-    """Return the number of each link among those judged, or -1: one direction of each of some pairs of nodes."""
+    """Return the number of each link among those judged, or -1: both directions of a pair have one."""
     number = np.full(nodes * nodes, -1, dtype=np.int64)
     pairs = ((tx, tx + step) for step in range(1, nodes) for tx in range(nodes - step))
     for count, (tx, rx) in enumerate(islice(pairs, MAX_LINKS)):
-        number[tx * nodes + rx] = count
+        number[tx * nodes + rx] = number[rx * nodes + tx] = count
     return number
