@@ -16,7 +16,7 @@ from bridge.record.tables.deliveries import Cause
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import SUMMARY_FILE, name_in_utf8
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.channel import draws_are_shared
+from bridge.scenario.resolve.channel import fates_go_together
 from bridge.scenario.resolve.radio import common_radio
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.checks import ChannelInputError
@@ -191,10 +191,10 @@ def _model(scenario: Scenario, bins: list[dict[str, Any]], deliveries: Deliverie
 
 
 def _bins_of_table(scenario: Scenario, deliveries: Deliveries) -> list[dict[str, Any]]:
-    """The bins of a run without a ledger: whether packets share what is drawn is that of its radios."""
+    """The bins of a run without a ledger: whether fates of packets go together is that of its radios."""
     shared = True  # they may: a model of one's own may not be here
     with suppress(ValueError, OSError, ChannelInputError):
-        shared = draws_are_shared(scenario)
+        shared = fates_go_together(scenario)
     return [row | {"shares_draws": shared} for row in packets.bins_of(deliveries)]
 
 

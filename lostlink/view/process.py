@@ -237,13 +237,13 @@ class Model:
         return self._curves[payload_bytes]
 
     def _make(self, payload_bytes: int | None) -> ModelCurve:
-        from bridge.scenario.resolve.channel import draws_are_shared
+        from bridge.scenario.resolve.channel import fates_go_together
         from channel.own.methods import OwnModelError
         from channel.validity import OutsideValidityError
 
         distance_m = np.linspace(1.0, self._farthest_m, MODEL_POINTS)
         radio = self._radio
-        shared = draws_are_shared(self._scenario) if radio is None else radio.shares_draws
+        shared = fates_go_together(self._scenario, self._network)
         if radio is not None and radio.is_by_distance:
             with suppress(OutsideValidityError, OwnModelError):
                 probability = radio.probability_of_delivery(distance_m, payload_bytes)

@@ -107,15 +107,22 @@ def routing_settings(radios: Mapping[str, Radio]) -> RoutingSettings:
     return settings
 
 
-def draws_are_shared(scenario: Scenario) -> bool:
-    """Whether packets of a run share what is drawn: then their ratios have no binomial intervals.
+def fates_go_together(scenario: Scenario, network: str | None = None) -> bool:
+    """Whether fates of packets hang on each other: then their ratios have no binomial intervals.
+
+    They share what is drawn; where packets take time they share queues, collisions and outages, too.
+
+    Args:
+        scenario: of the run.
+        network: one of its radio networks; None: all.
 
     Raises:
         PresetError: there is no such radio.
     """
     emitters = emitters_of(scenario)
-    radios = (radios_of(scenario, emitters, name).values() for name in scenario.network_names)
-    return any(radio.shares_draws for each in radios for radio in each)
+    names = scenario.network_names if network is None else (network,)
+    radios = [radio for name in names for radio in radios_of(scenario, emitters, name).values()]
+    return any(radio.shares_draws or not isinstance(radio.config.medium, Ideal) for radio in radios)
 
 
 def channels_of(

@@ -65,7 +65,7 @@ def told_of_delivery(content: dict[str, Any]) -> str:
     told = f"Measured probability of delivery in steps of {width_m:g} m"
     told += ", of first transmissions, each as if alone on the air" if of_transmissions(bins) else ""
     if shares_draws(bins):
-        told += " (packets share shadowing or fading: no intervals)"
+        told += " (packets share shadowing, fading or the air: no intervals)"
     else:
         told += ", with 99 % binomial (Clopper-Pearson) intervals"
     if content["model"]:

@@ -60,7 +60,7 @@ LIGHT, DARK = Look("#1c2733", "#d5dce3"), Look("#e4e9ee", "#3a444e")
 class ModelCurve:
     """The model's probability of delivery by distance, shape (D,) each; empty if a distance alone says too little.
 
-    ``shares_draws``: whether packets share shadowing or fading, so that what is measured has no binomial intervals.
+    ``shares_draws``: whether packets share shadowing, fading or the air: there are no binomial intervals then.
     """
 
     distance_m: NDArray[np.float64]

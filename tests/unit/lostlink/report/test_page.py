@@ -230,7 +230,9 @@ def test_a_killed_run_has_the_numbers_of_a_whole_one(tmp_path: Path):
     assert (killed["run"]["ending"], whole["run"]["ending"]) == ("killed", "duration")
 
 
-@pytest.mark.parametrize(("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True)])
+@pytest.mark.parametrize(
+    ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("lte-uav", True)]
+)
 @pytest.mark.parametrize("nodes", [2, 4])
 def test_packets_of_a_killed_run_that_share_what_is_drawn_have_no_intervals(
     tmp_path: Path, radio: str, are_shared: bool, nodes: int
@@ -294,7 +296,9 @@ def test_intervals_are_told_of_where_there_are_some(content: dict[str, Any]) -> 
     told = told_of_delivery(content)
     assert "in steps of 20 m, with 99 % binomial (Clopper-Pearson) intervals, over the model" in told
     shared = [row | {"ci99": None, "predicted": 0.5} for row in content["bins"]]
-    assert "(packets share shadowing or fading: no intervals)" in told_of_delivery(content | {"bins": shared})
+    assert "(packets share shadowing, fading or the air: no intervals)" in told_of_delivery(
+        content | {"bins": shared}
+    )
 
 
 def test_ages_of_less_than_a_decade_have_ticks_in_plain_numbers(content: dict[str, Any]) -> None:

@@ -97,7 +97,8 @@ def test_deliveries_that_share_what_is_drawn_have_no_intervals() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("radio", "are_shared"), [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True)]
+    ("radio", "are_shared"),
+    [("moon2020", False), ("hata-qpsk", True), ("wifi-2.4", True), ("lte-uav", True)],
 )
 def test_the_model_knows_whether_packets_share_what_is_drawn(radio: str, are_shared: bool) -> None:
     curve = Model(scenario_of(radio, ("0", "1")), "main").curve(100.0, {})
