@@ -6,6 +6,7 @@ import asyncio
 import inspect
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, Final, TypeGuard
 
@@ -142,6 +143,8 @@ class Commander:
         self._running: list[CommandHandle] = []
         self._said: deque[tuple[int, StatusText]] | None = None
         """What the autopilot has said since the latest upload of a mission began, and when."""
+        self._has_circled = False
+        """Whether the newest flight command is an ``orbit``."""
         self._arming_ns = 0
         """From when on a heartbeat shows what became of the last command that may arm the UA."""
 
@@ -251,6 +254,7 @@ class Commander:
             self._take_over(execution)
             self._explain(execution)
             if isinstance(execution, CommandExecution) and execution.occupies == FLIGHT:
+                self._has_circled = execution.verb == "orbit"
                 self.on_flight(execution.plan.stick_mode)
         self._running.append(handle)
         self.poll()
@@ -294,7 +298,11 @@ class Commander:
             return _refused(verb, str(refusal))
         except (TypeError, OverflowError) as error:
             raise ValueError(f"wrong arguments of {verb}: {error}") from error
-        return CommandExecution(made, self._silence_s) if isinstance(made, CommandPlan) else made
+        if not isinstance(made, CommandPlan):
+            return made
+        if self._has_circled:
+            made = replace(made, steps=(*made.after_circle, *made.steps))
+        return CommandExecution(made, self._silence_s)
 
     def _is_disarmed(self) -> bool:
         """Whether a heartbeat says so that is no older than what may have armed the UA since."""

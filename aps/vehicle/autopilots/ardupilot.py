@@ -37,6 +37,8 @@ FRAMES: Final = {
 CENTIMETRE_M: Final = 0.01
 """It keeps heights in whole ones."""
 LEAST_HEIGHT_M: Final = 0.1
+COUNTER_CLOCKWISE: Final = 1.0
+"""For the yaw of DO_REPOSITION, by which a plane takes the way around: any but 0 and NaN."""
 SPEED_TYPES: Final = {"air": 0.0, "ground": 1.0, "climb": 2.0, "descent": 3.0}
 COPTER_SPEED_MODES: Final = ("AUTO", "GUIDED", "RTL")
 PLANE_SPEED_MODES: Final = ("AUTO", "GUIDED")
@@ -160,7 +162,10 @@ class ArduPilotStack(FlightStack):
         hint = "no position yet, a point beyond its fence, or a height over terrain that it has no data of"
         if target.frame != "amsl" and abs(target.place[2]) < CENTIMETRE_M:
             hint = f"ArduPilot takes a height of 0 for the present one, and denies that; {LEAST_HEIGHT_M} m is one"
-        return Manoeuvre(tuple(steps), ("GUIDED",), refusal_hint=hint)
+        # A plane's GUIDED keeps the radius of a circle until it is left.
+        stays = is_plane(state.vehicle_type) and state.mode == "GUIDED"
+        leaving = (self.mode_step(state, "LOITER"),) if stays else ()
+        return Manoeuvre(tuple(steps), ("GUIDED",), refusal_hint=hint, after_circle=leaving)
 
     def setpoints(self, state: VehicleState, verb: str) -> Manoeuvre:
         """In GUIDED."""
@@ -180,8 +185,7 @@ class ArduPilotStack(FlightStack):
         """A copter by setpoints on the circle; a plane by DO_REPOSITION with a radius."""
         if not is_plane(state.vehicle_type):
             return self._in_guided(state)
-        signed_m = circle.radius_m if circle.clockwise else -circle.radius_m
-        reposition = _reposition(state, FRAMES["relative"], circle.centre, signed_m)
+        reposition = _reposition(state, FRAMES["relative"], circle.centre, circle.radius_m, circle.clockwise)
         return Manoeuvre((self.mode_step(state, "GUIDED"), reposition), ("GUIDED",))
 
     def rtl(self, state: VehicleState) -> Manoeuvre:
@@ -220,10 +224,12 @@ def _flies(state: VehicleState) -> bool:
     return state.landed_state in FLYING and not stands
 
 
-def _reposition(state: VehicleState, frame: int, place: Place, radius_m: float = 0.0) -> Step:
-    """DO_REPOSITION; a plane circles with ``radius_m``, negative to the left, 0 as it is set."""
+def _reposition(
+    state: VehicleState, frame: int, place: Place, radius_m: float = 0.0, clockwise: bool = True
+) -> Step:
+    """DO_REPOSITION; a plane circles with ``radius_m``, 0 as it is set. ArduPlane passes over a negative one."""
     flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
-    params = (-1.0, flags, radius_m, math.nan)
+    params = (-1.0, flags, radius_m, math.nan if clockwise else COUNTER_CLOCKWISE)
     return command_int(state, int(mavlink.MAV_CMD_DO_REPOSITION), frame, params, place)
 
 

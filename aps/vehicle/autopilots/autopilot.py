@@ -63,6 +63,8 @@ class Manoeuvre:
     """Beginnings of texts by which it refuses what it has acknowledged."""
     interruption_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it goes on to something else in a mode of the same name."""
+    after_circle: tuple[Step, ...] = ()
+    """Steps that come first after a circle of ours, whose radius it would keep."""
     silent_refusal: str = ""
     """Why it may drop a point of ours in silence; empty where it takes all."""
     keeps_speed: bool = True

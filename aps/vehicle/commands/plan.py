@@ -66,6 +66,8 @@ class CommandPlan:
     reached: Callable[[VehicleState], bool]
     timeout_s: float
     """Autopilot time allowed between acceptance and the goal."""
+    after_circle: tuple[Step, ...] = ()
+    """Steps that come first if the flight command before was an ``orbit``."""
     remaining_m: Callable[[VehicleState], float | None] = lambda _: None
     position: Callable[[VehicleState], tuple[int, int | None]] | None = None
     """Which item of how many it is at, for feedback."""

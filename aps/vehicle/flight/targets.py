@@ -97,9 +97,6 @@ def goto(
     def remaining_m(now: VehicleState) -> float:
         return math.hypot(horizontal_distance_m(now, lat, lon), climb_m(now))
 
-    def reached(now: VehicleState) -> bool:
-        return abs(climb_m(now)) <= tolerance_m and horizontal_distance_m(now, lat, lon) <= radius_m
-
     if speed_mps is not None:
         checked("speed_mps", speed_mps, 0.1, 200.0)
     if yaw_deg is not None:
@@ -108,8 +105,9 @@ def goto(
     return CommandPlan(
         "goto",
         way.steps,
-        reached,
+        lambda now: abs(climb_m(now)) <= tolerance_m and horizontal_distance_m(now, lat, lon) <= radius_m,
         timeout_s=leg_s(remaining_m(state)),
+        after_circle=way.after_circle,
         remaining_m=lambda now: finite_or_none(remaining_m(now)),
         modes=way.modes,
         needs_armed=True,

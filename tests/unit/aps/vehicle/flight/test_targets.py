@@ -282,10 +282,13 @@ def test_an_orbit_leads_around_the_circle_and_counts_its_turns():
     assert step == math.ceil(math.tau / 0.01)
 
 
-def test_a_planes_orbit_is_its_own():
-    plan = orbit.orbit(PLANE, 47.0, 8.0, 90.0, radius_m=120.0, clockwise=False)
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_a_planes_orbit_is_its_own(clockwise):
+    plan = orbit.orbit(PLANE, 47.0, 8.0, 90.0, radius_m=120.0, clockwise=clockwise)
     _, reposition = [step.message(0) for step in plan.steps]
-    assert (reposition.command, reposition.param3, reposition.z) == (192, -120.0, 90.0)
+    # ArduPlane passes over a radius below 0, and circles to the left with a yaw (handle_command_int_do_reposition).
+    assert (reposition.command, reposition.param3, reposition.z) == (192, 120.0, 90.0)
+    assert math.isnan(reposition.param4) if clockwise else reposition.param4 == 1.0
     assert plan.setpoint is None
 
 
@@ -496,6 +499,23 @@ def test_hold_has_a_plane_circle():
     flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
     assert flight.after(0.1, mode="LOITER") == []
     assert flight.execution.result.reached
+
+
+def test_a_plane_s_point_after_a_circle_is_circled_as_it_is_set():
+    # ArduPlane keeps the radius of a circle in GUIDED, however often that is asked for (ModeGuided::_enter).
+    bench = Bench(kind=1)
+    bench.tell(mavlink.MAVLink_heartbeat_message(1, 3, 0xD1, 15, 4, 3))
+    for verb, arguments, first in (
+        ("goto", (47.0, 8.0, 90.0), 15.0),
+        ("orbit", (47.0, 8.0, 90.0, 400.0), 15.0),
+        ("goto", (47.1, 8.0, 90.0), 12.0),
+        ("goto", (47.2, 8.0, 90.0), 15.0),
+    ):
+        before = len(bench.heard("COMMAND_LONG"))
+        bench.commands.start(verb, *arguments)
+        bench.step()
+        mode = bench.heard("COMMAND_LONG")[before]
+        assert (mode.command, mode.param2) == (mavlink.MAV_CMD_DO_SET_MODE, first)
 
 
 def test_a_refusal_without_words_says_what_it_may_be():
