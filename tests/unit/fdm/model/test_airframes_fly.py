@@ -192,6 +192,16 @@ def thrust(throttle, speed_mps, rho):
     return ct * rho * (omega / (2 * math.pi)) ** 2 * diameter**4
 
 
+@pytest.mark.parametrize("speed_mps", [15.0, 25.0, 33.0])
+@pytest.mark.parametrize("throttle", [0.0, 0.1, 0.25, 0.5, 1.0])
+def test_thrust_is_the_book_s_down_to_a_motor_at_idle(throttle, speed_mps):
+    model = airborne(speed_mps, 0.05)
+    fly(model, packet(1500, 1600, 1500, 1500), 0.3)  # in JSBSim no air turns a propeller that stands
+    fly(model, packet(1500, 1600, 1000 + 1000 * throttle, 1500), 0.3)
+    expected = thrust(throttle, model._exec["velocities/u-aero-fps"] * 0.3048, density(model))
+    assert model._exec["propulsion/engine/thrust-lbs"] * 4.4482216 == pytest.approx(expected, abs=0.15)
+
+
 def longitudinal(state, elevator_rad, throttle, rho):
     """d/dt of (u, w, q, theta)."""
     u, w, q, theta = state
