@@ -39,6 +39,8 @@ BREACH_HOLDS: Final = ("Failsafe activated: switching to Hold",)
 """At a fence. In AUTO.LOITER its mode stays the same, and what it was to fly to is given up ..."""
 LOSS_HOLDS: Final = ("GCS connection loss: switching to Hold", "Manual control loss: switching to Hold")
 """... for these it is not, but a take-off is."""
+LANDING_ABORTS: Final = ("Landing aborted",)
+"""Of a plane, which then holds above the place that it was to land at, as a mission's last item may."""
 MISSION_PATIENCE_S = 1.0
 """For so long the mode of a mission is asked for again when PX4 rejects it for now."""
 COMMAND_FRAME: Final = int(mavlink.MAV_FRAME_GLOBAL_INT)
@@ -234,7 +236,12 @@ class Px4Stack(FlightStack):
             shown=lambda now: _began(state, now),
         )
         return Manoeuvre(
-            (begins,), ("AUTO.MISSION",), last_modes=last, return_modes=("AUTO.RTL",), end_modes=(HOLD,)
+            (begins,),
+            ("AUTO.MISSION",),
+            last_modes=last,
+            return_modes=("AUTO.RTL",),
+            end_modes=(HOLD,),
+            interruption_texts=LANDING_ABORTS,
         )
 
     def current_item_step(self, state: VehicleState, seq: int) -> Step:

@@ -115,6 +115,7 @@ def fly(state: VehicleState, first: int | None = None) -> CommandPlan:
         needs_armed=True,
         launches=is_plane(state.vehicle_type),
         refusal_hint="" if state.mission_total else "the autopilot has no mission",
+        interruption_texts=way.interruption_texts,
         position=lambda now: (
             max(0, now.mission_current),
             now.mission_total if now.mission_total > 0 else None,

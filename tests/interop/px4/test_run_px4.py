@@ -99,6 +99,49 @@ def test_a_mission_and_the_return_beside_another_autopilot(
     assert "0" in summary["autopilot_logs"], summary["autopilot_logs"]
 
 
+PLANE = """
+schema: 1
+name: landing
+autopilot: px4
+speed: max
+duration_s: 300
+origin: {lat_deg: 47.3977, lon_deg: 8.5456, alt_amsl_m: 488}
+radio: perfect
+nodes: [{id: 0, airframe: aerosonde, agent: {type: own, class: "lands.py:Lands"}}]
+"""
+LANDS = """
+from lostlink import Agent
+
+
+class Lands(Agent):
+    async def fly(self):
+        await self.ua.wait_for(lambda state: state.ready_to_arm)
+        items = (("NAV_TAKEOFF", 300, 0, 60), ("NAV_WAYPOINT", 400, 500, 60), ("NAV_WAYPOINT", -700, 500, 50),
+                 ("NAV_WAYPOINT", -700, 0, 50), ("NAV_LAND", 0, 0, 0))
+        mission = []
+        for command, north_m, east_m, height_m in items:
+            place = self.ua.frames.earth_from_fleet((north_m, east_m, 0))
+            params = [0, 0, 0, None, place.lat_deg, place.lon_deg, height_m]
+            mission.append({"command": command, "params": params})
+        await self.ua.missions.upload(mission)
+        await self.ua.arm()
+        await self.ua.missions.fly()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("px4")
+def test_a_plane_lands_where_its_mission_says(tmp_path: Path, free_slot: Callable[[int], int]) -> None:
+    (tmp_path / "landing.yaml").write_text(PLANE, encoding="utf-8")
+    (tmp_path / "lands.py").write_text(LANDS, encoding="utf-8")
+    summary = fly(tmp_path / "runs", free_slot(1), str(tmp_path / "landing.yaml"))
+    assert (summary["ending"], summary["warnings"]) == ("done", [])
+    (run,) = (tmp_path / "runs").iterdir()
+    places_m, heights_m = track(run, 0)
+    assert heights_m[-1] < 0.1
+    assert np.hypot(*places_m[heights_m > 5.0][-1]) < 150.0
+
+
 @pytest.mark.usefixtures("px4")
 def test_of_three_flights_of_a_real_px4_two_have_the_same_bytes(
     tmp_path: Path, free_slot: Callable[[int], int]

@@ -302,6 +302,19 @@ def test_a_mission_from_its_last_item_flown_again_ends_with_it(last, first):
     assert flight.execution.result.reached
 
 
+def test_a_mission_whose_landing_is_aborted_is_interrupted():
+    """A plane without a distance sensor holds above the place (FW_LND_ABORT), which is how a mission may end."""
+    start = replace(HOVERS, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, mission_current=0, mission_total=3)
+    flight = Flight(fly.fly(start), start)
+    flight.run(0.1)
+    flight.execution.on_ack(176, ACCEPTED)
+    flight.run(2.0, mode="AUTO.MISSION", mission_current=3, mission_reached=2)
+    flight.execution.on_text(StatusText(2, "Landing aborted: terrain measurement not found"))
+    flight.run(1.0, mode="AUTO.LOITER")
+    assert flight.execution.result.outcome is Outcome.INTERRUPTED
+    assert flight.execution.result.reason == "Landing aborted: terrain measurement not found"
+
+
 @pytest.mark.parametrize("mode", ["AUTO.MISSION", "AUTO.LOITER"])
 def test_a_mission_flown_again_from_its_first_item_is_not_done_at_once(mode):
     """With the number of the item that it is set to, PX4 says once more that it has reached the last one."""
