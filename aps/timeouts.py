@@ -76,6 +76,8 @@ FEEDBACK_PERIOD_MS: Final = 500
 """Between two pieces of feedback of a command."""
 ARMED_GRACE_MS: Final = 3000
 """For a heartbeat to show that the UA is armed."""
+ONWARD_GRACE_MS: Final = 1000
+"""From the heartbeat with a mode that the autopilot goes on in by itself to the text that says so."""
 REBOOT_STEP_MS: Final = 2000
 """The autopilot's clock going back by more than this is a reboot (less is reordering between streams)."""
 MODE_TIMEOUT_S: Final = 10.0

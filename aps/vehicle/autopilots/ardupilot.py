@@ -47,6 +47,8 @@ PLANE_RETURN_MODES: Final = ("RTL", "QRTL")
 """A QuadPlane's RTL goes on to QRTL, or is QRTL, with some values of Q_RTL_MODE."""
 STANDS_BELOW_M: Final = 2.0
 """Above home: a plane below may stand, whatever it says."""
+LANDING_TEXTS: Final = ("Landing sequence start", "Landing sequence active")
+"""A plane's RTL goes on to its mission's DO_LAND_START, with some values of RTL_AUTOLAND."""
 NOWHERE_E7: Final = 10_000_000
 """1 degree: it does not get so far before it has a fix."""
 HOME_AT_ZERO_MM: Final = 20
@@ -190,8 +192,10 @@ class ArduPilotStack(FlightStack):
 
     def rtl(self, state: VehicleState) -> Manoeuvre:
         """RTL."""
-        modes = PLANE_RETURN_MODES if is_plane(state.vehicle_type) else ("RTL",)
-        return Manoeuvre((self.mode_step(state, "RTL"),), modes)
+        step = self.mode_step(state, "RTL")
+        if not is_plane(state.vehicle_type):
+            return Manoeuvre((step,), ("RTL",))
+        return Manoeuvre((step,), PLANE_RETURN_MODES, onward_texts=LANDING_TEXTS, onward_modes=("AUTO",))
 
     def land(self, state: VehicleState) -> Manoeuvre:
         """A copter where it is (LAND), VTOL likewise (QLAND), a fixed wing by AUTOLAND."""

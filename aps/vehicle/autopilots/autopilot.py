@@ -63,6 +63,9 @@ class Manoeuvre:
     """Beginnings of texts by which it refuses what it has acknowledged."""
     interruption_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it goes on to something else in a mode of the same name."""
+    onward_texts: tuple[str, ...] = ()
+    """Beginnings of texts by which it goes on by itself in a mode of ``onward_modes``, as a part of it."""
+    onward_modes: tuple[str, ...] = ()
     after_circle: tuple[Step, ...] = ()
     """Steps that come first after a circle of ours, whose radius it would keep."""
     silent_refusal: str = ""

@@ -15,7 +15,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aps.timeouts import ARMED_GRACE_MS, FEEDBACK_PERIOD_MS, MODE_TIMEOUT_S, SHOWN_LAG_S, SILENCE_TIMEOUT_S
+from aps.timeouts import (
+    ARMED_GRACE_MS,
+    FEEDBACK_PERIOD_MS,
+    MODE_TIMEOUT_S,
+    ONWARD_GRACE_MS,
+    SHOWN_LAG_S,
+    SILENCE_TIMEOUT_S,
+)
 from aps.vehicle.commands.plan import CommandPlan
 from aps.vehicle.commands.repeated_setpoints import RepeatedSetpoints
 from aps.vehicle.commands.step_sequence import HEARTBEAT, StepSequence
@@ -58,6 +65,7 @@ class CommandExecution(Execution):
         self._armed_seen = False
         self._left_ms: int | None = None
         self._rejection = self._interruption = ""
+        self._goes_on = False
         self._silence_ns = round(silence_s * NS_PER_S)
         self._clock_ms = 0
         self._clock_ns = 0
@@ -82,6 +90,7 @@ class CommandExecution(Execution):
             self._rejection = text.text
         if self._accepted_ms is not None and text.text.startswith(self.plan.interruption_texts):
             self._interruption = text.text
+        self._goes_on |= self._accepted_ms is not None and text.text.startswith(self.plan.onward_texts)
 
     def on_message(self, name: str, fields: Mapping[str, Any], now_ns: int) -> None:  # noqa: ARG002
         """PARAM_VALUE of the autopilot, or what it says that it flies to."""
@@ -207,12 +216,14 @@ class CommandExecution(Execution):
         """Whether it flies in another mode: in one that may be a part of the plan, after some time of it."""
         plan = self.plan
         outside = self._mode_seen and plan.modes and state.mode not in plan.modes
-        if not outside or plan.may_leave(state):
+        onward = state.mode in plan.onward_modes
+        if not outside or plan.may_leave(state) or (onward and self._goes_on):
             self._left_ms = None
             return False
         if self._left_ms is None:
             self._left_ms = state.time_boot_ms
-        return state.time_boot_ms - self._left_ms >= plan.leave_grace_ms
+        grace_ms = ONWARD_GRACE_MS if onward else plan.leave_grace_ms
+        return state.time_boot_ms - self._left_ms >= grace_ms
 
     def _feedback(self, state: VehicleState) -> None:
         self._feedback_ms = state.time_boot_ms

@@ -111,6 +111,9 @@ class CommandPlan:
     """Beginnings of texts by which the autopilot refuses what it has acknowledged."""
     interruption_texts: tuple[str, ...] = ()
     """Beginnings of texts by which it goes on to something else in one of the modes."""
+    onward_texts: tuple[str, ...] = ()
+    """Beginnings of texts by which it goes on by itself in one of ``onward_modes``, as a part of it."""
+    onward_modes: tuple[str, ...] = ()
     remark: str = ""
     """Said with the acceptance."""
     stick_mode: str = ""

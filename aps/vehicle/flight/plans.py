@@ -138,7 +138,8 @@ def _height_m(state: VehicleState) -> float:
 def rtl(state: VehicleState) -> CommandPlan:
     """Return to launch: a copter is there once it has landed, a fixed wing once it circles over home.
 
-    ArduPlane returns to a rally point, if it has one.
+    ArduPlane returns to a rally point, if it has one. Where it goes on to its mission's landing before it is there, it
+    is there once it has landed.
     """
     way = autopilot_of(state.autopilot).rtl(state)
     returning = Returning(way.modes)
@@ -149,6 +150,8 @@ def rtl(state: VehicleState) -> CommandPlan:
         timeout_s=_way_home_s(state),
         remaining_m=lambda now: finite_or_none(math.hypot(returning.way_m(now), _height_m(now))),
         modes=way.modes,
+        onward_texts=way.onward_texts,
+        onward_modes=way.onward_modes,
     )
 
 

@@ -9,6 +9,7 @@ from aps.vehicle.execution import Outcome, Refusal
 from aps.vehicle.flight import orbit, plans, targets
 from aps.vehicle.flight.setpoints import offset_deg
 from aps.vehicle.state import VehicleState
+from aps.vehicle.status_text import StatusText
 from aps.wire.framer import Framer
 from tests.unit.aps.vehicle.peer import Bench
 
@@ -499,6 +500,26 @@ def test_hold_has_a_plane_circle():
     flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
     assert flight.after(0.1, mode="LOITER") == []
     assert flight.execution.result.reached
+
+
+@pytest.mark.parametrize(("said", "is_flown"), [("Landing sequence start", True), ("", False)])
+def test_a_plane_s_return_goes_on_to_the_landing_of_its_mission(said, is_flown):
+    # RTL_AUTOLAND: ArduPlane is at home for it before it is within 200 m.
+    plane = replace(PLANE, home_lat_deg=47.01, home_lon_deg=8.0, landed_state="in_air", heard_ns={0: 1})
+    flight = Flight(plans.rtl(plane), plane)
+    flight.after(0.0)
+    flight.execution.on_ack(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
+    flight.after(0.1)
+    flight.after(1.0, mode="RTL", heard_ns={0: S})
+    flight.after(0.1, mode="AUTO", lat_deg=47.0079, waypoint_distance_m=150.0, heard_ns={0: 2 * S, 62: 2 * S})
+    assert flight.execution.result is None
+    if said:
+        flight.execution.on_text(StatusText(6, said))
+    flight.after(2.0)
+    assert (flight.execution.result is None) == is_flown
+    if is_flown:
+        flight.after(60.0, landed_state="on_ground")
+    assert flight.execution.result.reached == is_flown
 
 
 def test_a_plane_s_point_after_a_circle_is_circled_as_it_is_set():
