@@ -281,6 +281,7 @@ def test_arduplane_flies_a_rectangle_loiters_returns_and_lands(arduplane, free_s
         f"Mission: {RETURN} RTL",
         f"Mission: {LAND} Land",
     ]
-    assert math.dist(touched.position_ned_m[:2], TOUCHDOWN) < 200.0
+    # The slope is 3 degrees: in turbulence 5 m of height are 90 m.
+    assert math.dist(touched.position_ned_m[:2], TOUCHDOWN) < (250.0 if wind_name == "breeze" else 200.0)
     assert math.hypot(*stopped.velocity_ned_mps) < 0.5
     assert math.dist(stopped.position_ned_m[:2], TOUCHDOWN) < 400.0
