@@ -167,7 +167,7 @@ def land(state: VehicleState) -> CommandPlan:
         "land",
         way.steps,
         _is_down,
-        LANDING_TIMEOUT_S,
+        timeout_s=_way_home_s(state) if is_fixed_wing(state) else LANDING_TIMEOUT_S,
         remaining_m=lambda now: finite_or_none(_height_m(now)),
         modes=way.modes,
     )

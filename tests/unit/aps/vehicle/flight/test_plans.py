@@ -115,6 +115,13 @@ def test_the_stick_is_held_where_it_gives_the_climb_rate(state, mode, held):
     assert plans.set_mode(state, mode).stick_mode == held
 
 
+def test_a_fixed_wing_that_lands_has_the_time_of_its_way_home():
+    # AUTOLAND flies there first: 55 km are 37 minutes at 25 m/s.
+    home = {"home_lat_deg": 47.5, "home_lon_deg": 8.0}
+    assert plans.land(replace(PLANE, **home)).timeout_s > 2 * 55_600 / 25.0
+    assert plans.land(replace(COPTER, **home)).timeout_s == 900.0
+
+
 def test_fixed_wing_is_there_when_it_circles():
     goto = targets.goto(PLANE, 47.0, 8.0, 20.0)
     circling = replace(PLANE, lat_deg=47.0013)  # 145 m: the Aerosonde circles at 120 m
