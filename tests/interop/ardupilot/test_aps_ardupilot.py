@@ -109,3 +109,22 @@ async def test_arduplane_takes_off_circles_and_returns(plane):
     assert result.reached, result
     assert math.hypot(*plane.state.position_ned_m[:2]) < PLANE_RADIUS_M + 50.0
     await until(plane, lambda state: math.hypot(*state.position_ned_m[:2]) < 130.0)
+
+
+async def test_arduplane_circles_to_the_left_and_a_point_after_a_wide_circle_as_it_is_set(plane):
+    commands = plane.commands
+    await asyncio.wait_for(plane.wait_heard(), 30)
+    assert (await commands.set_mode("FBWA")).reached
+    await until(plane, lambda state: state.ready_to_arm and state.position_ok)
+    home = plane.state
+    for result in (await commands.arm(), await commands.takeoff(60.0)):
+        assert result.reached, result
+    centre = (home.lat_deg, home.lon_deg, 90.0)
+    result = await commands.run("orbit", *centre, radius_m=150.0, turns=0.7, clockwise=False)
+    assert result.reached, result
+    (north, east, _), velocity = plane.state.position_ned_m, plane.state.velocity_ned_mps
+    assert north * velocity[1] - east * velocity[0] < 0.0
+    assert math.hypot(north, east) == pytest.approx(150.0, abs=20.0)
+    result = await commands.run("orbit", *centre, radius_m=350.0, turns=0.1)
+    assert result.reached, result
+    assert (await commands.goto(*centre)).reached
