@@ -41,6 +41,15 @@ def px4_option(command: F) -> F:
     )(command)
 
 
+def ardupilot_option(command: F) -> F:
+    """Add ``--ardupilot-dir`` to a command, as ``ardupilot_dir``."""
+    return click.option(
+        "--ardupilot-dir",
+        type=click.Path(path_type=Path, exists=True, file_okay=False, resolve_path=True),
+        help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
+    )(command)
+
+
 def setting_options(command: F) -> F:
     """Add ``--radio`` and ``--set`` to a command, as ``radio`` and ``settings``."""
     radio = click.option(

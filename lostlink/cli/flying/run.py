@@ -22,7 +22,13 @@ from fdm.exchange.settings import Coupling
 from lostlink.cli.exits import fail, tell
 from lostlink.cli.number_or_word import SPEED
 from lostlink.cli.ports import at_ports, first_slot_option, slot_asked
-from lostlink.cli.scenario_options import OPTIONS, px4_option, scenario_with, setting_options
+from lostlink.cli.scenario_options import (
+    OPTIONS,
+    ardupilot_option,
+    px4_option,
+    scenario_with,
+    setting_options,
+)
 from lostlink.cli.shown_flight import ShownFlight
 from lostlink.flight.shown.bins_table import bins_tables
 from lostlink.flight.shown.console import plain_console
@@ -36,11 +42,7 @@ from lostlink.view.beside import PORT, NoView, ViewProcess
 @click.command(short_help="Fly a scenario and record what its radio delivered.")
 @click.argument("scenario", default=DEFAULT_SCENARIO)
 @click.option("--autopilot", type=click.Choice(get_args(AutopilotName)), help="Who flies.")
-@click.option(
-    "--ardupilot-dir",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
-)
+@ardupilot_option
 @px4_option
 @click.option("--speed", type=SPEED, help="Real-time factor, or max: as fast as this machine can.")
 @click.option(

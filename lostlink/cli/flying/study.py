@@ -21,7 +21,7 @@ from bridge.fleet.autopilots.dirs import AutopilotDirs
 from bridge.run.every import Every
 from bridge.timeouts import LOG_PERIOD_S
 from lostlink.cli.exits import tell
-from lostlink.cli.scenario_options import px4_option
+from lostlink.cli.scenario_options import ardupilot_option, px4_option
 from lostlink.cli.shown_table import print_table
 from lostlink.flight.shown.console import plain_console
 from lostlink.flight.shown.say import say
@@ -48,7 +48,7 @@ COLUMNS_MAX, LINES_MAX, REASONS_MAX = 8, 40, 4
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of this Dask scheduler instead.")
 @px4_option
-@click.option("--ardupilot-dir", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@ardupilot_option
 @click.option("--dry-run", is_flag=True, help="Only say which runs there are, and which are done.")
 @click.option(
     "--json",
@@ -97,7 +97,7 @@ def study(
                 failed = _show(ours.fly(where), console)
         failed += _tell_results(ours, console, as_json=as_json)
     except (StudyError, OSError) as error:
-        say(f"lostlink: {error}", err=True)
+        tell(error)
         sys.exit(EXIT_USAGE)
     except KeyboardInterrupt as error:
         for each in ending_signals():

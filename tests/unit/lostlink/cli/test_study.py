@@ -176,6 +176,15 @@ def test_labels_and_names_of_files_are_no_markup(file: Path) -> None:
     assert "radio :boom:, seed 1" in done.stdout
 
 
+def test_each_line_of_a_mistake_has_the_commands_name(file: Path) -> None:
+    file.write_text("schema: 1\nname: mine\nnodes: []\n", encoding="utf-8")
+    done = run(file, "--dry-run")
+    assert done.exit_code == 2
+    missing, unknown = done.stderr.splitlines()[-2:]
+    assert missing.startswith(f"lostlink: {file}:3: scenario: is required")
+    assert unknown.startswith(f"lostlink: {file}:3: nodes: unknown key")
+
+
 def test_seeds_are_not_varied(file: Path) -> None:
     file.write_text("schema: 1\nname: mine\nscenario: separation\nvary: {seed: [1, 2]}\n", encoding="utf-8")
     done = run(file, "--dry-run")
