@@ -76,6 +76,8 @@ def new_directory(parent: Path, name: str) -> Path:
         try:
             path.mkdir(parents=True)
         except FileExistsError:
+            if not os.path.lexists(path):  # it is the parent: a link to what is not there
+                raise
             continue
         return path
     raise FileExistsError(f"{parent / name}: there are too many of that name")

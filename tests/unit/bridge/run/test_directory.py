@@ -70,6 +70,14 @@ def test_a_path_that_is_no_utf8_is_refused_before_anything_is_flown(tmp_path: Pa
     assert not parent.exists()
 
 
+def test_a_link_that_leads_nowhere_is_refused_by_its_name(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(FileExistsError) as told:
+        RunDirectory.create(link, "separation")
+    assert told.value.filename == str(link)
+
+
 def test_a_path_that_the_locale_has_not_is_refused_before_anything_is_flown(tmp_path: Path) -> None:
     """Arrow and Zenoh take it in UTF-8, whatever the locale says."""
     made = "import sys; from pathlib import Path; from bridge.run.directory import RunDirectory\n"
