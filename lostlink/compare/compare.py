@@ -73,13 +73,14 @@ def examine(
         NotARun, StreamError, ValueError, OSError: as `compare`.
     """
     work = _Work(run_a, run_b, NEVER_NS if until_ns is None else until_ns, a_was_cut, on_progress)
+    for run in (run_a, run_b):
+        with version_noted(run):
+            _check_run(run)
     with version_noted(run_a, run_b):
         return _examined(work, run_a, run_b)
 
 
 def _examined(work: _Work, run_a: Path, run_b: Path) -> Comparison:
-    for run in (run_a, run_b):
-        _check_run(run)
     in_a, in_b = set(streams_of(run_a)), set(streams_of(run_b))
     parts: list[Stream | Table] = [TRUTH, *sorted(in_a | in_b, key=_order), *TABLES[1:]]
     for each in parts:

@@ -23,6 +23,7 @@ from bridge.bus.keys import MAIN
 from bridge.radio.ledger_file import Books
 from bridge.record.ending import was_cut
 from bridge.record.inputs.radio_switches import switches_of
+from bridge.record.provenance import version_noted
 from bridge.record.tables.deliveries import (
     DELIVERIES,
     TOO_LONG,
@@ -171,17 +172,18 @@ def decide(run: Path, scenario: Scenario, on_progress: OnProgress = lambda _done
     nodes, period_ns = scenario.transceiver_ids, scenario.tick_period_ns
     recorded = scenario_of(run)
     refuse_another_flight(run, recorded, scenario)
-    before = DeliveryRows.read(run, nodes)
-    _refuse_repeated(run, before)
-    positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
-    if not positions.ticks_ns.size:
-        raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
-    places = codes_of(nodes, scenario.groups)
-    sent = []
-    for node in nodes:
-        sent.append(SentPackets(run, node, places))
-        on_progress(0.0)
-    facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(recorded))
+    with version_noted(run):
+        before = DeliveryRows.read(run, nodes)
+        _refuse_repeated(run, before)
+        positions = without_nonsense(TrueStates.read(run, scenario.stations, (*POSITION, *ATTITUDE)))
+        if not positions.ticks_ns.size:
+            raise ValueError(f"{run}: nothing to decide: no true position of any node was recorded")
+        places = codes_of(nodes, scenario.groups)
+        sent = []
+        for node in nodes:
+            sent.append(SentPackets(run, node, places))
+            on_progress(0.0)
+        facts = PacketFacts(run, before, sent, period_ns, took_no_time=_ideal_networks(recorded))
     packets, last_ns = _transmitted(sent, before), last_whole_ns(positions)
     if was_cut(run):
         packets = packets.at(packets.sim_time_ns <= last_ns)

@@ -130,7 +130,10 @@ def plan(run: Path, changes: Mapping[str, Any], code: Path | None = None) -> Ref
         raise ValueError(f"{run}: this run has not ended yet")
     moved = Moved(run, code)
     with version_noted(run):
-        has_streams, scenario, extent = _read(run, moved, changes)
+        has_streams, recorded = _begun(run, moved)
+    scenario = with_changes(recorded, changes)
+    with version_noted(run):
+        extent = _read(run, scenario)
     remarks = _why_not(run, scenario)
     if not has_streams:
         remarks.append(f"note: {run} has no streams/: only its tables can be compared")
@@ -138,17 +141,21 @@ def plan(run: Path, changes: Mapping[str, Any], code: Path | None = None) -> Ref
     return ReflightPlan(run, scenario, extent, tuple(remarks), _dirs_of(run), moved)
 
 
-def _read(run: Path, moved: Moved, changes: Mapping[str, Any]) -> tuple[bool, Scenario, Extent]:
-    """Read all that will be needed of a record: whether it has streams, its scenario with changes, how far it goes."""
+def _begun(run: Path, moved: Moved) -> tuple[bool, Scenario]:
+    """Whether a record has streams, and its scenario."""
     has_streams = bool(streams_of(run))
     if not has_streams and not DELIVERIES.is_in(run):
         raise ValueError(f"{run}: it has neither deliveries nor streams/: there is nothing to compare with")
-    scenario = with_changes(_recorded_scenario(run, moved), changes)
+    return has_streams, _recorded_scenario(run, moved)
+
+
+def _read(run: Path, scenario: Scenario) -> Extent:
+    """Read all else that will be needed of a record, and how far it goes."""
     check_ways(scenario, all_inputs(run))
     extent = extent_of(run)
     _check_tables(run)
     _check_streams(run, extent)
-    return has_streams, scenario, extent
+    return extent
 
 
 def _why_not(run: Path, scenario: Scenario) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from bridge.bus.keys import MAIN
 from bridge.record.names import as_seen_from
-from bridge.record.provenance import made_by
+from bridge.record.provenance import made_by, version_noted
 from lostlink.compare.summary import mistakes_in_summary
 from lostlink.reading.ages import times_of
 from lostlink.reading.run import Run
@@ -69,6 +69,11 @@ def _names(runs: Sequence[Run]) -> list[str]:
 
 
 def _column(run: Run) -> Content:
+    with version_noted(run.path):
+        return _measured(run)
+
+
+def _measured(run: Run) -> Content:
     deliveries, end_ns, summary = deliveries_of(run), run.end_ns, run.summary
     links = packets.links_of(deliveries, times_of(deliveries), end_ns)
     bins = packets.bins_of(deliveries)

@@ -43,6 +43,7 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
       lostlink report runs/A --out /tmp/a.html
       lostlink report runs/A --json | jq .totals
     """
+    from bridge.record.provenance import version_noted
     from lostlink.reading.edited import edited_files, presets_of_today, radio_files
     from lostlink.reading.run import load_run
     from lostlink.report.content import content_of
@@ -55,7 +56,8 @@ def report(run: Path, out: Path | None, as_json: bool) -> None:
         edited = edited_files(found.path, radio_files(found.scenario))
         for line in (*edited, *presets_of_today(found.path, found.scenario, found.scenario)):
             warn(f"{line}: the model's curve is that of today's")
-        content = content_of(found, tell)
+        with version_noted(found.path):
+            content = content_of(found, tell)
         if out is not None or not as_json:
             path = out or found.path / REPORT_FILE
             write_report(content, path, tell)

@@ -109,6 +109,33 @@ def test_of_a_record_of_another_version_that_cannot_be_read_that_is_told_once(
     assert done.output.count("another version") == 1
 
 
+@pytest.mark.parametrize("words", ["redecide", "report", "compare --metrics"])
+def test_of_a_table_of_another_version_that_cannot_be_read_that_is_told(words: str, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    flown(run, scenario_of("moon2020", ("0", "1")), 5)
+    (run / "deliveries.parquet").write_bytes(b"damaged")
+    write_provenance(Provenance(lostlink="0.0.9", git_commit=COMMIT), run)
+    done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
+    assert done.exit_code == 2, done.exception
+    assert done.output.splitlines()[-1].startswith(f"lostlink: {run}: {NOTE}")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [("refly --speed -1", "speed: has to be"), ("compare nosuch", "nosuch: no such directory")],
+)
+def test_what_is_no_mistake_of_a_record_is_not_put_down_to_its_version(
+    words: str, says: str, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    flown(run, scenario_of("moon2020", ("0", "1")), 5)
+    write_provenance(Provenance(lostlink="0.0.9", git_commit=COMMIT), run)
+    done = CliRunner().invoke(command.lostlink, [*words.split(), str(run)], standalone_mode=False)
+    assert done.exit_code == 2, done.exception
+    assert says in done.output
+    assert "another version" not in done.output
+
+
 def test_a_disk_that_is_too_full_for_a_summary_is_told_with_its_place_and_what_to_do(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
