@@ -303,7 +303,7 @@ def _rate_at_load_hz(airframe: Airframe) -> float:
 def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
     console = _Console()
     jsbsim.set_logger(console)
-    executive = jsbsim.FGFDMExec(None)
+    executive = jsbsim.FGFDMExec(_jsbsim_root())
     executive.set_debug_level(0)
     executive.set_dt(1.0 / _rate_at_load_hz(airframe))
     if airframe.jsbsim.root is not None:
@@ -318,6 +318,12 @@ def _load(airframe: Airframe) -> jsbsim.FGFDMExec:
         reason = "; ".join(list(dict.fromkeys(console.errors))[-3:]) or "no reason given"
         raise AirframeError(f"airframe {airframe.name}: JSBSim model {airframe.jsbsim.model}: {reason}")
     return executive
+
+
+def _jsbsim_root() -> str | None:
+    """Where JSBSim's own engines are: by itself it looks in the interpreter's site-packages alone."""
+    beside = Path(jsbsim.__file__).parent
+    return str(beside) if (beside / "engine").is_dir() else None
 
 
 def _make_sense(

@@ -1,5 +1,6 @@
 import math
 import re
+import site
 import subprocess
 import sys
 
@@ -142,6 +143,13 @@ def test_optional_sensors_follow_the_frame():
     assert values[16] == pytest.approx(0.15, abs=0.01)
     assert values[17] == pytest.approx(math.radians(-30), abs=0.02)
     assert values[18] == pytest.approx(5.0, abs=0.1)
+
+
+def test_jsbsims_own_files_are_found_wherever_it_is_installed(monkeypatch, tmp_path):
+    monkeypatch.setattr(site, "getsitepackages", lambda: [str(tmp_path)])
+    monkeypatch.setattr(site, "getusersitepackages", lambda: str(tmp_path))
+    truth = JsbsimModel(load_airframe("f450"), HOME).truth(0, 0)
+    assert truth.position_ned_m == pytest.approx((0, 0, -0.15), abs=0.01)
 
 
 def test_a_model_that_is_not_there_is_an_airframe_error():
