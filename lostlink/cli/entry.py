@@ -21,6 +21,7 @@ def main() -> None:
     """Run the command. One that flies replaces the way it ends by its own, orderly one."""
     look_rarely()
     _open_what_is_closed()
+    _print_all()
     _print_what_it_can()
     for number in ending_signals():
         signal.signal(number, _end)
@@ -43,6 +44,18 @@ def _open_what_is_closed() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+
+
+def _print_all() -> None:
+    """Print through a buffer: without one (PYTHONUNBUFFERED) Python drops what a full disk does not take, unsaid."""
+    stream = sys.stdout
+    if not isinstance(stream, io.TextIOWrapper) or not isinstance(raw := stream.buffer, io.RawIOBase):
+        return
+    encoding, errors = stream.encoding, stream.errors
+    stream.detach()
+    sys.stdout = sys.__stdout__ = io.TextIOWrapper(  # type: ignore[misc]
+        io.BufferedWriter(raw), encoding, errors, line_buffering=True, write_through=True
+    )
 
 
 def _print_what_it_can() -> None:

@@ -43,6 +43,8 @@ COMMANDS = {
     "fit": "lostlink.cli.records.fit",
 }
 """The module of each command, which has its name there too. Only that of the command given is imported."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""A disk, a quota, or the limit of a file's size (`ulimit -f`)."""
 
 
 @contextmanager
@@ -137,7 +139,7 @@ def _command() -> None:
         say(f"lostlink: {error.format_message()}", err=True)
         sys.exit(error.exit_code)
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno not in FULL:
             raise
         where = "" if error.filename else ": where its output goes to, or the run is"
         say(f"lostlink: {error}{where}", err=True)

@@ -57,6 +57,21 @@ def test_output_to_a_full_disk_is_told_and_ends_with_1() -> None:
     assert (done.returncode, done.stderr) == (1, told)
 
 
+def test_output_that_is_cut_off_is_told_also_where_python_has_no_buffer(tmp_path: Path) -> None:
+    """As in most containers (PYTHONUNBUFFERED): the first part went to the file, the rest nowhere, with status 0."""
+    with (tmp_path / "schema.json").open("wb") as file:
+        done = subprocess.run(
+            ["sh", "-c", 'ulimit -f 8; exec "$0" "$@"', sys.executable, "-Bum", "lostlink", "schema"],
+            stdout=file,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    told = "lostlink: [Errno 27] File too large: where its output goes to, or the run is\n"
+    assert (done.returncode, done.stderr) == (1, told)
+
+
 def test_help_ends_well(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["lostlink", "--help"])
     with pytest.raises(SystemExit) as ended:
