@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -13,11 +12,12 @@ from pydantic import ValidationError
 
 from channel.config import RadioConfig
 from channel.own.models import CLASS_KEY, class_path
-from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, mistakes_in, problem_of
+from channel.preset_errors import PresetError, Tree, at_once, has_key, line_of, problems_in, tree_in
 from channel.propagation.terrain import Terrain
 from channel.schedule_file import KEY as SCHEDULE_KEY
 from channel.schedule_file import read_schedule
-from sitl_configs.yaml_text import YamlMistake, read_yaml, ships, yaml_of
+from sitl_configs.config_file import unknown
+from sitl_configs.yaml_text import YamlMistake, read_yaml, yaml_of
 
 __all__ = [
     "PresetError",
@@ -103,8 +103,8 @@ def at_origin(config: RadioConfig, lat_deg: float, lon_deg: float, alt_amsl_m: f
     try:
         law = config.propagation.at_origin(lat_deg, lon_deg, alt_amsl_m)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise PresetError(problem_of(first, "propagation", {}, RadioConfig), key="propagation") from None
+        [(_, problem), *_] = problems_in(error, Terrain)
+        raise PresetError(problem, key="propagation") from None
     return config.model_copy(update={"propagation": law})
 
 
@@ -179,24 +179,14 @@ def _preset_file(name: str, beside: Path = Path()) -> Path:
     path = beside / name
     if path.suffix in {".yaml", ".yml"} and path.is_file():
         return path
-    close = difflib.get_close_matches(name, preset_names(), n=1)
-    hint = f"; did you mean {close[0]}? Presets:" if close else "; presets:"
-    known = ", ".join(preset_names())
-    raise PresetError(f"no radio preset or YAML file {name!r}{hint} {known}", key="preset")
+    raise PresetError(unknown("no radio preset or YAML file", name, preset_names()), key="preset")
 
 
 def _read(file: Path, extending: tuple[Path, ...]) -> Tree:
     """Return the tree of a file; `extending` are the files that lead to it."""
     if file.resolve() in extending:
         raise PresetError("extends itself", key="preset", file=str(file))
-    try:
-        tree = read_yaml(file.read_text(encoding="utf-8"), is_ours=ships(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise PresetError("is not a file of text", file=str(file)) from error
-    except YamlMistake as error:
-        raise PresetError(str(error), file=str(file), line=error.line) from error
-    if not isinstance(tree, dict):
-        raise PresetError("is not a mapping of keys to values", file=str(file))
+    tree = tree_in(file)
     try:
         tables = _with_tables({"name": file.stem, **tree}, file.parent)
         return _resolved(tables, file.parent, (*extending, file.resolve()))
@@ -269,7 +259,7 @@ def _validated(tree: Tree, file: Path | None, overridden: tuple[str, ...]) -> Ra
         return RadioConfig.model_validate(tree)
     except ValidationError as error:
         files = [] if file is None else _extended_by(file)
-        found = mistakes_in(error, tree, RadioConfig)
+        found = problems_in(error, RadioConfig)
     there = dotted_keys(tree)
     placed = [
         _placed(key, problem, files, overridden, is_there=any(_covers(each, key) for each in there))

@@ -82,11 +82,17 @@ GroupNames = tuple[Slug, ...]
 RadioOutages = Annotated[tuple[RadioOutage, ...], AfterValidator(_in_order)]
 
 
+def _no_word(value: object) -> object:
+    if isinstance(value, str):
+        raise ValueError("has to be a whole number; only a node with kind: ground has a word for its id")
+    return value
+
+
 class Aircraft(Part):
     """One UA: a station whose aircraft is regulated; its agent sends, and is regulated unless it is ``free``."""
 
     kind: Literal["ua"] = "ua"
-    id: Annotated[int, Field(strict=True, ge=0, le=249)]
+    id: Annotated[int, Field(strict=True, ge=0, le=249), BeforeValidator(_no_word)]
     autopilot: AutopilotName | None = None
     airframe: str = "f450"
     home: HomePlace = HomePlace()

@@ -21,8 +21,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from channel.own.methods import Method, OwnModelError, looked_at, tried
-from channel.preset_errors import Tree, mistakes_in
 from channel.variant import Variant
+from sitl_configs.mistakes import mistakes_in
 from sitl_configs.own_code import load_module, told
 
 CLASS_KEY = "class"
@@ -70,7 +70,7 @@ def own_models(
             if getattr(model, "is_random", True):
                 tried(model, label, methods, trial)
         except ValidationError as error:
-            raise _in_our_words(error, parameters, found) from None
+            raise _in_our_words(error, found) from None
         except OwnModelError:
             raise
         except (
@@ -173,14 +173,12 @@ def _loaded(path: Path, changed_ns: int) -> ModuleType:
     return load_module(str(path), f"{path.stem}__{digest}")
 
 
-def _in_our_words(error: ValidationError, parameters: Tree, found: type[Variant]) -> ValidationError:
+def _in_our_words(error: ValidationError, found: type[Variant]) -> ValidationError:
     """Return what is wrong with a user's model, by key, so that it needs no knowledge of that model to be told."""
     told = [
         InitErrorDetails(
-            type=PydanticCustomError("own_model", "{message}", {"message": message}),
-            loc=tuple(key.split(".")) if key else (),
-            input=parameters,
+            type=PydanticCustomError("own_model", "{message}", {"message": message}), loc=key, input={}
         )
-        for key, message in mistakes_in(error, parameters, found)
+        for key, message in mistakes_in(error, found)
     ]
     return ValidationError.from_exception_data(found.__name__, told)

@@ -98,7 +98,7 @@ class LazyCommands(click.Group):
         name = args[0]
         if name in COMMANDS or name.startswith("-"):
             return super().resolve_command(ctx, args)
-        from bridge.scenario.mistakes.near import near_miss
+        from sitl_configs.near import near_miss
 
         raise click.UsageError(
             f"there is no command {name!r}{near_miss(name, COMMANDS)} (lostlink --help lists them)", ctx

@@ -11,7 +11,7 @@ from bridge.scenario.document.merge import is_left_out, is_of_one, merged, same_
 from bridge.scenario.document.written import OfOne, Written, plain
 from bridge.scenario.document.yaml_text import read_yaml
 from bridge.scenario.mistakes.error import ScenarioError
-from bridge.scenario.mistakes.near import near_miss
+from sitl_configs.near import near_miss
 
 SCENARIOS = resources.files("sitl_configs") / "scenarios"
 EXTENDS, WITHOUT = "extends", "without"

@@ -17,8 +17,9 @@ from bridge.scenario.expand.group_ids import COUNT, COUNT_MAX, PLACES, ids_of, i
 from bridge.scenario.expand.patterns import PATTERNS, Pattern, PlaceDraws, Spot
 from bridge.scenario.expand.words import filled
 from bridge.scenario.mistakes.error import ScenarioError
-from bridge.scenario.mistakes.explain import explained, shown
-from bridge.scenario.mistakes.near import near_miss
+from bridge.scenario.mistakes.explain import explained
+from sitl_configs.mistakes import shown
+from sitl_configs.near import near_miss
 
 EACH = "each"
 AXES = ("north_m", "east_m", "height_m", "heading_deg")

@@ -14,14 +14,13 @@ from bridge.scenario.document.written import Path_, Written
 from bridge.scenario.expectations import AgeExpectation, DeliveryExpectation
 from bridge.scenario.mistakes.error import ScenarioError
 from bridge.scenario.mistakes.explain import explained
-from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN, Aircraft, EmitterNode, NodeConfig
 from bridge.scenario.own.own_class import clash_of, lineage_of, mistake_in, options_read, unread_options
 from bridge.scenario.own_measures import FunctionExpectation
 from bridge.scenario.resolve.flight import airframe_of, origin_of, wind_of
 from bridge.scenario.resolve.radio import config_of, radio_from
-from bridge.scenario.resolve.sensing import check_antenna
+from bridge.scenario.resolve.sensing import emitter_of
 from channel.access.settings.base import Ideal, Surroundings
 from channel.access.settings.medium import rate_mistake
 from channel.access.world import PlainWorld
@@ -29,9 +28,9 @@ from channel.config import RadioConfig
 from channel.draws import Draws
 from channel.link.carrier import laws_off_carrier
 from channel.link.emitters.disturbance import heard
+from channel.link.emitters.emitter import Emitter
 from channel.own.methods import OwnModelError
 from channel.phy.interference import MAX_PULSED
-from channel.preset_errors import mistakes_in
 from channel.presets import PresetError, seen_from
 from channel.propagation.air_to_ground import RmaAv, UmaAv
 from channel.routing.settings import router_of
@@ -40,6 +39,7 @@ from channel.variant import name_of
 from fdm.air.wind import WindConfig
 from fdm.errors import AirframeError, WeatherError, WindError
 from fdm.model.geodesy import geodetic_from_ned
+from sitl_configs.near import near_miss
 
 NONE_OWN: Final[Mapping[str, RadioConfig]] = MappingProxyType({})
 """Radios of single nodes: there are none."""
@@ -100,7 +100,7 @@ class _Radios:
         own_radios: dict[str, RadioConfig] = {}
         for index, node in enumerate(self._scenario.nodes):
             if isinstance(node, EmitterNode):
-                nodes.append(self._with_antenna(node, ("nodes", index, "antenna")))
+                nodes.append(self._with_antenna(node, ("nodes", index)))
                 continue
             if node.sensor is not None:
                 radio, _ = self._read(node.sensor.radio, ("nodes", index, "sensor", "radio"))
@@ -217,16 +217,14 @@ class _Radios:
     def _with_antenna(self, emitter: EmitterNode, path: Path_) -> EmitterNode:
         """An emitter with the tables of its antenna read in."""
         try:
-            antenna = seen_from(Path(), {"antenna": emitter.antenna})["antenna"]
-            check_antenna(antenna)
+            seen = emitter.model_copy(update=seen_from(Path(), {"antenna": emitter.antenna}))
+            emitter_of(seen)
         except PresetError as error:
-            self.mistakes += [_told(self._root, path, each.problem) for each in error.mistakes]
+            self.mistakes += [_told(self._root, (*path, "antenna"), each.problem) for each in error.mistakes]
         except ValidationError as error:
-            for key, problem in mistakes_in(error, {"antenna": antenna}, RadioConfig, ("antenna",)):
-                below = tuple(key.split("."))[1:]
-                self.mistakes.append(_told(self._root, (*path, *below), problem))
+            self.mistakes += explained(self._root, error, Emitter, path)
         else:
-            return emitter.model_copy(update={"antenna": antenna})
+            return seen
         return emitter
 
     def _read(

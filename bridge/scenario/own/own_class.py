@@ -9,11 +9,11 @@ from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
-from bridge.scenario.mistakes.near import near_miss
 from bridge.scenario.own.agent_class import wrong_with_class
 from bridge.scenario.resolve.definition import definition_of, missing, source_of
 from bridge.scenario.resolve.modules import CODE
 from bridge.scenario.resolve.sources import Code, Stamp, code_of, parsed, stamp_of
+from sitl_configs.near import near_miss
 
 AGENTS = ("Agent", "lostlink.Agent", "bridge.agents.Agent")
 

@@ -8,9 +8,9 @@ import pkgutil
 import sys
 from pathlib import Path
 
-from bridge.scenario.mistakes.near import meant
 from bridge.scenario.resolve.modules import CODE, Modules, file_of, found_in
 from bridge.scenario.resolve.sources import parsed
+from sitl_configs.near import meant
 from sitl_configs.own_code import NOT_THERE
 
 

@@ -5,22 +5,15 @@ Apart from `resolve`, as the channel takes its time to import.
 
 from __future__ import annotations
 
-from typing import Any
-
-from pydantic import TypeAdapter
-
 from bridge.scenario import nodes
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.radio import radio_from
 from bridge.scenario.sections import Origin
 from bridge.scenario.sensor import RfSensor
-from channel.config import Antenna
 from channel.link.emitters.emission import Emission
 from channel.link.emitters.emitter import Emitter
 from channel.sensing.sensor import SensorConfig
 from channel.sensing.settings import SensorSettings
-
-_ANTENNA: TypeAdapter[Any] = TypeAdapter(Antenna)
 
 
 def emitters_of(scenario: Scenario) -> tuple[Emitter, ...]:
@@ -63,12 +56,3 @@ def sensor_of(sensor: RfSensor, origin: Origin) -> SensorConfig:
     """
     settings = {name: getattr(sensor, name) for name in SensorSettings.model_fields}
     return SensorConfig(radio=radio_from(sensor.radio, origin).config, **settings)
-
-
-def check_antenna(antenna: dict[str, Any]) -> None:
-    """See that an emitter's antenna is one.
-
-    Raises:
-        ValidationError: it is none.
-    """
-    _ANTENNA.validate_python(antenna)

@@ -32,7 +32,7 @@ class ElrsMedium(Variant):
     @classmethod
     def _is_known(cls, mode: str) -> str:
         if mode not in ELRS_MODES:
-            raise ValueError(f"{mode}: there are {', '.join(ELRS_MODES)}")
+            raise ValueError(f"has to be one of: {', '.join(ELRS_MODES)}")
         return mode
 
     @property

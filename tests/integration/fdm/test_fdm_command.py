@@ -158,7 +158,7 @@ def test_the_command_serves_a_legacy_peer():
     [
         (
             "accel_sigma_mps2: 1\ngyro_sigma: 2\n",
-            ":2: gyro_sigma: unknown key; did you mean gyro_sigma_radps? Allowed here: gyro_sigma_radps, ",
+            ":2: gyro_sigma: unknown key; did you mean gyro_sigma_radps? (allowed here: gyro_sigma_radps, ",
         ),
         (
             "\naccel_sigma_mps2: -1\n",

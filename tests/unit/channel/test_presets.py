@@ -47,32 +47,36 @@ def test_another_model_in_a_group_keeps_nothing_of_the_old():
     ("mapping", "key", "problem"),
     [
         ({"preset": "moon2020", "propagation": {"exponnet": 3}}, "propagation.exponnet", "exponent"),
-        ({"preset": "moon2020", "noise": {"flor": -3}}, "noise.flor", "floor_dbm, model"),
-        ({"preset": "moon2020", "propagation": {"model": "magic"}}, "propagation", "log-distance"),
-        ({"preset": "moon2020", "frequency_hz": -1}, "frequency_hz", "1000000, not -1"),
+        ({"preset": "moon2020", "noise": {"flor": -3}}, "noise.flor", "model, floor_dbm"),
+        ({"preset": "moon2020", "propagation": {"model": "magic"}}, "propagation.model", "log-distance"),
+        ({"preset": "moon2020", "frequency_hz": -1}, "frequency_hz", "1000000 (got -1)"),
         ({"preset": "moon2020", "frequency_hz": float("nan")}, "frequency_hz", "finite"),
         ({"preset": "mon2020"}, "preset", "did you mean moon2020"),
         ({"name": "empty"}, "frequency_hz", "missing"),
         (
             {"preset": "moon2020", "medium": "csma"},
             "medium",
-            "has to be a mapping, as {model: csma}, not 'csma'",
+            "elrs, sik (got 'csma'), as in medium: {model: csma}",
         ),
-        ({"preset": "moon2020", "noise": 5}, "noise", "with model, one of fixed, thermal, man-made, not 5"),
+        ({"preset": "moon2020", "noise": 5}, "noise", "with model, one of: fixed, thermal, man-made (got 5)"),
         (
             {"preset": "moon2020", "medium": {"type": "csma"}},
             "medium",
-            "model is missing: has to be one of ideal",
+            "model is missing: has to be one of: ideal",
         ),
-        ({"preset": "moon2020", "offset_db": True}, "offset_db", "has to be a number, not true"),
-        ({"preset": "moon2020", "mtu_bytes": False}, "mtu_bytes", "has to be a whole number, not false"),
-        ({"preset": "moon2020", "noise": {"floor_dbm": True}}, "noise.floor_dbm", "a number, not true"),
+        ({"preset": "moon2020", "offset_db": True}, "offset_db", "has to be a number (got true)"),
+        ({"preset": "moon2020", "mtu_bytes": False}, "mtu_bytes", "has to be a whole number (got false)"),
+        ({"preset": "moon2020", "noise": {"floor_dbm": True}}, "noise.floor_dbm", "a number (got true)"),
         (
             {"preset": "moon2020", "interference": {"rejection": [[True, 3]]}},
             "interference.rejection.0.0",
-            "a number, not true",
+            "a number (got true)",
         ),
-        ({"preset": "moon2020", "fading": {}}, "fading", "model is missing: has to be one of none, rayleigh"),
+        (
+            {"preset": "moon2020", "fading": {}},
+            "fading",
+            "model is missing: has to be one of: none, rayleigh",
+        ),
     ],
 )
 def test_mistakes_name_the_key_and_what_is_allowed(mapping, key, problem):
@@ -113,7 +117,7 @@ def test_what_may_be_true_still_may():
 
 
 def test_what_a_group_that_is_replaced_lacks_is_no_mistake_of_the_preset():
-    with pytest.raises(PresetError, match="is missing: only uma-av and rma-av") as caught:
+    with pytest.raises(PresetError, match="missing: only uma-av and rma-av") as caught:
         presets.radio_from_mapping({"preset": "moon2020", "shadowing": {"model": "normal"}})
     assert (caught.value.file, caught.value.key) == (None, "shadowing.sigma_db")
 
@@ -121,21 +125,30 @@ def test_what_a_group_that_is_replaced_lacks_is_no_mistake_of_the_preset():
 @pytest.mark.parametrize(
     ("group", "told"),
     [
-        ({"antenna": {"model": "pattern"}}, "antenna.pattern: is missing"),
+        ({"antenna": {"model": "pattern"}}, "antenna.pattern: is required, and missing"),
         (
             {"interference": {"rejection": [[1, 2, 3]]}},
-            "interference.rejection.0: has to have at most 2, and has 3",
+            "interference.rejection.0: has to have at most 2 items, not 3",
         ),
         ({"antenna": {"model": "pattern", "pattern": [[1, 2]]}}, "antenna.pattern.0.2: is missing"),
-        ({"propagation": None}, "propagation: has to be a mapping with model, one of free-space"),
-        ({"base_loss": None}, "base_loss: has to be a number, not null"),
-        ({"polarisation": {"model": "x"}}, "polarisation.model: unknown key; allowed: cross_polar_db"),
+        (
+            {"propagation": None},
+            "propagation: has to be a mapping of keys to values with model, one of: free-space",
+        ),
+        ({"base_loss": None}, "base_loss: has to be a number (got null)"),
+        ({"polarisation": {"model": "x"}}, "polarisation.model: unknown key; allowed here: cross_polar_db"),
         ({"routing": {"model": "flood"}}, "routing: flood: each hop takes time on the air"),
         (
             {"medium": {"model": "tdma", "schedule": {"slots": [{"nodes": 0}]}}},
-            "medium.schedule.slots.0.duration_s: is missing",
+            "medium.schedule.slots.0.duration_s: is required, and missing",
         ),
         ({"medium": {"model": "sik", "units": {"a": [0, 1]}}}, "medium.units.a: has to be a whole number"),
+        ({"medium": {"model": "ideal", "ideal": 1}}, "medium.ideal: unknown key; did you mean model?"),
+        ({"medium": {"model": "elrs", "mode": "x"}}, "medium.mode: has to be one of: flrc-1000, lora-500"),
+        (
+            {"routing": {"model": "static", "routes": {"int": {"float": [2]}}}},
+            "routing.routes.int.float: has to be text (got [2])",
+        ),
     ],
 )
 def test_no_mistake_has_words_of_the_validation_in_it(group, told):
@@ -203,7 +216,7 @@ def test_settings_become_overrides():
 )
 def test_numbers_too_small_to_reckon_with_are_refused_by_their_key(setting):
     """They were tracebacks: an index out of range, a division by zero, an array that is too large."""
-    with pytest.raises(PresetError, match=r"has to be greater than or equal to 0\.\d+, not 1e-300"):
+    with pytest.raises(PresetError, match=r"has to be greater than or equal to 0\.\d+ \(got 1e-300\)"):
         presets.load_radio("perfect", presets.overrides_from_settings([setting]))
 
 

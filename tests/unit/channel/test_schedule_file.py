@@ -87,12 +87,16 @@ def test_what_slots_carry(tmp_path: Path) -> None:
         (
             "duration_s: 0.05}",
             "duration_s: -1}",
-            "slots.yaml:4: slots.0.duration_s: has to be greater than 0, not -1",
+            "slots.yaml:4: slots.0.duration_s: has to be greater than 0 [(]got -1[)]",
         ),
-        ("bit_rate_bps: 128e3", "bit_rate_bps: fast", "slots.yaml:7: slots.3.bit_rate_bps: .* not 'fast'"),
+        (
+            "bit_rate_bps: 128e3",
+            "bit_rate_bps: fast",
+            "slots.yaml:7: slots.3.bit_rate_bps: has to be a number [(]got 'fast'[)]",
+        ),
         ("priority: 5", "prioity: 5", "slots.yaml:7: slots.3.prioity: unknown key; did you mean priority?"),
-        ("nodes: g1, ", "", "slots.yaml:5: slots.1.nodes: is missing"),
-        ("nodes: g1", "nodes: []", "slots.yaml:5: slots.1.nodes: has to have at least 1, and has 0"),
+        ("nodes: g1, ", "", "slots.yaml:5: slots.1.nodes: is required, and missing"),
+        ("nodes: g1", "nodes: []", "slots.yaml:5: slots.1.nodes: has to have at least 1 item, not 0"),
         ("channel: 2, ", "", "slots.yaml:6: slots.2: it runs at the time of slots.1: both are on channel 0"),
         (
             "listeners: g3",

@@ -231,7 +231,7 @@ def test_a_way_of_ones_own(flown: Fly) -> None:
     run = flown([node(0, sends=[(1.0, "g2", 100), (1.5, "all", 100)]), node(1), node(2)], own)
     assert ways(run, "0", "g2") == [["0", "g1"]]
     assert [row["fate"] for row in rows(run, "0", "g2")] == ["delivered", "out_of_range"]
-    with pytest.raises(ScenarioError, match=r"radio\.routing\.hub: is missing"):
+    with pytest.raises(ScenarioError, match=r"radio\.routing\.hub: is required, and missing"):
         flown([node(0), node(1)], {key: value for key, value in own.items() if key != "hub"})
 
 

@@ -572,7 +572,7 @@ def test_mistakes_in_slots_are_told_by_their_file(slotted: Callable[..., Run]) -
     nodes = [node(n, 5.0 * n) for n in range(3)]
     with pytest.raises(
         ScenarioError,
-        match=r"slots\.yaml:4: slots\.0\.duration_s: has to be greater than 0, not -1 \(named at ",
+        match=r"slots\.yaml:4: slots\.0\.duration_s: has to be greater than 0 \(got -1\) \(named at ",
     ):
         slotted(nodes, SLOTS_TEXT.replace("duration_s: 0.05}", "duration_s: -1}", 1))
     with pytest.raises(

@@ -87,7 +87,7 @@ def test_what_is_read_back_is_the_same() -> None:
 @pytest.mark.parametrize(
     ("node", "key", "says"),
     [
-        ("{id: gcs, kind: balloon, agent: {type: still}}", "nodes.gcs", "kind has to be one of: ua, ground"),
+        ("{id: gcs, kind: balloon, agent: {type: still}}", "nodes.gcs.kind", "has to be one of: ua, ground"),
         (
             "{id: gcs, kind: ground, agent: {type: hold, altitude_m: 4}}",
             "nodes.gcs.agent",

@@ -48,8 +48,8 @@ def test_shipped_scenario_reads_and_survives_its_own_yaml(name: str) -> None:
         (
             "type: hold",
             "type: hang",
-            "nodes.0.agent",
-            "type has to be one of: hold, out_and_back, still, free, own",
+            "nodes.0.agent.type",
+            "has to be one of: hold, out_and_back, still, free, own",
         ),
         (
             "altitude_m: 40}",

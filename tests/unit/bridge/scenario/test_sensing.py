@@ -113,7 +113,12 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
             "nodes.beacon.agent",
             "frequency_hz, power_dbm",
         ),
-        ("power_dbm: 20", "power_dbm: 20, antenna: {model: horn}", "nodes.beacon.antenna", "'sector'"),
+        (
+            "power_dbm: 20",
+            "power_dbm: 20, antenna: {model: horn}",
+            "nodes.beacon.antenna.model",
+            "dipole, sector",
+        ),
         (
             "power_dbm: 20",
             "power_dbm: 20, antenna: {model: sector, gan_db: 1}",

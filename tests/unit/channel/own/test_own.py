@@ -99,14 +99,17 @@ def test_a_medium_uses_it(mine):
             {"class": "mine.py:Steep", "exponnet": 1.0},
             r"propagation\.exponnet: unknown key; did you mean exponent\?",
         ),
-        ({"class": "mine.py:Steep", "exponent": "x"}, "propagation.exponent: has to be a number, not 'x'"),
+        (
+            {"class": "mine.py:Steep", "exponent": "x"},
+            "propagation.exponent: has to be a number \\(got 'x'\\)",
+        ),
         ({"class": "mine.py:Nothing"}, "Nothing in .*has no path_loss_db"),
         ({"class": "mine.py:Plain"}, r"is no subclass of channel\.variant\.Variant"),
         ({"class": "mine.py:Flat"}, "has no class Flat"),
         ({"class": "other.py:Steep"}, r"other\.py: no such file"),
         ({"class": "no_such_module:Steep"}, "no module no_such_module"),
         ({"class": "Steep"}, r"is not file\.py:Name or module:Name"),
-        ({"model": "steep"}, "no model 'steep'"),
+        ({"model": "steep"}, "propagation.model: has to be one of: .* \\(got 'steep'\\)"),
     ],
 )
 def test_mistakes_are_named(mine, group, problem):

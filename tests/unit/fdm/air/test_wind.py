@@ -190,7 +190,7 @@ def test_turbulence_is_keyed_by_seed_and_ua():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("constant: {speed: 3}", r"mine.yaml:1: constant\.speed_mps: is missing"),
+        ("constant: {up_mps: 3}", r"mine.yaml:1: constant\.speed_mps: is required, and missing"),
         ("constant: {speed_mps: 3, fro_deg: 9}", "unknown key; did you mean from_deg"),
         ("constant: {speed_mps: true}", r"mine.yaml:1: constant\.speed_mps: has to be a number \(got true\)"),
         ("turbulence: {}", "either level or w20_mps"),

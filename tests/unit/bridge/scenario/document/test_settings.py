@@ -160,7 +160,7 @@ def test_values_are_yaml_and_take_the_place_of_what_was_there() -> None:
         ("seed=x", "--set seed=x: seed: has to be a whole number (got 'x')"),
         (
             "nodes.2.agent.type=onw",
-            "--set nodes.2.agent.type=onw: nodes.2.agent: type has to be one of: hold, out_and_back, still, free, own",
+            "--set nodes.2.agent.type=onw: nodes.2.agent.type: has to be one of: hold, out_and_back, still, free, own",
         ),
         ("nodes.2.home.nort_m=3", "nodes.2.home.nort_m: unknown key; did you mean north_m?"),
         (

@@ -88,7 +88,13 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
         ),
         ("lon_deg: -105.0, ", "", 6, "origin.lon_deg", "is required, and missing"),
         ("lat_deg: 40.0", "lat_deg: 140.0", 6, "origin.lat_deg", "less than or equal to 90 (got 140.0)"),
-        ("radio: moon2020", "radio: moon2002", 7, "radio", "did you mean moon2020? Presets: corrected, disk"),
+        (
+            "radio: moon2020",
+            "radio: moon2002",
+            7,
+            "radio",
+            "did you mean moon2020? Known are corrected, disk",
+        ),
         (
             "radio: moon2020",
             "radio: [moon2020]",
@@ -101,13 +107,13 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "radio: {preset: moon2020, noise: {floor_dbm: low}}",
             7,
             "radio.noise.floor_dbm",
-            "has to be a number, not 'low'",
+            "has to be a number (got 'low')",
         ),
         (
             "radio: moon2020",
             "radio: {preset: moon2020, propagation: {model: free}}",
             7,
-            "radio.propagation",
+            "radio.propagation.model",
             "did you mean free-space?",
         ),
         (
@@ -131,15 +137,15 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "type: hold, ",
             "type: hover, ",
             13,
-            "nodes.0.agent",
+            "nodes.0.agent.type",
             "has to be one of: hold, out_and_back, still, free, own (got 'hover')",
         ),
         (
             "agent: {type: hold, altitude_m: 40}",
             "agent:\n      altitude_m: 40\n      type: hover",
             15,
-            "nodes.0.agent",
-            "type has to be one of: hold, out_and_back, still, free, own (got 'hover')",
+            "nodes.0.agent.type",
+            "has to be one of: hold, out_and_back, still, free, own (got 'hover')",
         ),
         ("altitude_m: 40}", "altitude: 40}", 13, "nodes.0.agent.altitude", "did you mean altitude_m?"),
         (
@@ -162,8 +168,8 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "  - id: 1",
             "  - kind: drone\n    id: 1",
             14,
-            "nodes.1",
-            "kind has to be one of: ua, ground, emitter (got 'drone')",
+            "nodes.1.kind",
+            "has to be one of: ua, ground, emitter (got 'drone')",
         ),
         ("      distance_m: 600\n", "", 17, "nodes.1.agent.distance_m", "is required, and missing"),
         ("distance_m: 600", "distance_m: -600", 20, "nodes.1.agent.distance_m", "greater than 0 (got -600)"),
@@ -183,7 +189,7 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
         ),
         ("to: 1", "to: 2", 22, "expectations.0.to", "no node has the id 2; there are: 0, 1"),
         ("at_least: 0.9", "at_least: 90", 22, "expectations.0.at_least", "less than or equal to 1 (got 90)"),
-        ("type: delivery", "type: delivry", 22, "expectations.0", "did you mean delivery?"),
+        ("type: delivery", "type: delivry", 22, "expectations.0.type", "did you mean delivery?"),
         ("      north_m: 5", "\tnorth_m: 5", 16, "is not YAML", "indent with spaces"),
         ("schema: 1", "extends: seperation\nschema: 1", 1, "extends", "did you mean separation?"),
         ("nodes:", "nodes: 5\nnode:", 9, "nodes", "has to be a list (got 5), as in nodes:"),
@@ -400,7 +406,7 @@ def test_the_place_of_a_mistake_in_a_file_that_is_named_comes_first(tmp_path: Pa
     with pytest.raises(ScenarioError) as caught:
         parse_scenario(text.replace("airframe: f450", "airframe: quad.yaml"), "here.yaml", folder)
     told = str(caught.value)
-    assert f"{folder}/air.yaml:1: constant.speed_mps: " in told
+    assert f"{folder}/air.yaml:2: constant.speed: unknown key; did you mean speed_mps?" in told
     assert f"{folder}/mine.yaml:2: noise.floor: unknown key; did you mean floor_dbm?" in told
     assert f"{folder}/quad.yaml:1: vehicle: " in told
     assert all("(named at here.yaml:" in line for line in told.splitlines())

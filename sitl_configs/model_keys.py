@@ -1,15 +1,19 @@
-"""Which model of a scenario's a validation error lies in: from pydantic's path to the file's."""
+"""Which of a file's models a validation error lies in: from pydantic's path to the file's."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 
 from sitl_configs.settings import models_in
 
+Key = tuple[str | int, ...]
+"""Keys and indices, as in the file."""
 Models = tuple[type[BaseModel], ...]
+TAGS = ("type", "kind", "model")
+"""Keys whose word chooses what a mapping is."""
 BRANCHES = {"str", "float", "int", "bool", "none"}
 """Steps that pydantic makes of types; others have brackets, or begin with constrained-."""
 
@@ -18,11 +22,11 @@ class ErrorSpot(NamedTuple):
     """Where an error is.
 
     Attributes:
-        path: keys and indices, as in the file.
+        path: the key.
         parents: the models that the last key may belong to.
     """
 
-    path: tuple[str | int, ...]
+    path: Key
     parents: Models
 
 
@@ -39,17 +43,22 @@ def spot_of(root: type[BaseModel], loc: Sequence[str | int], *, is_extra: bool =
     path: list[str | int] = []
     here: Models = (root,)
     parents: Models = here
+    names = 0
     for number, step in enumerate(loc, start=1):
         is_key = is_extra and number == len(loc)
         inner = _inner(here, step)
-        if len(here) > 1 and (branch := _branch(here, step)) is not None:
+        if names:  # keys of a dict have any name, also that of a type
+            path.append(step)
+            names -= 1
+        elif len(here) > 1 and (branch := _branch(here, step)) is not None:
             here = parents = branch  # also if one of them has a key of that name
         elif isinstance(step, int):
             path.append(step)
         elif inner is not None:
             path.append(step)
+            names = max(_dicts(fields_of(model).get(str(step))) for model in here)
             parents, here = here, inner
-        elif here and (narrowed := _branch(here, step)) is not None:
+        elif here and not is_key and (narrowed := _branch(here, step)) is not None:
             here = parents = narrowed
         elif here and (is_key or not _is_branch(step)):
             path.append(step)
@@ -74,6 +83,11 @@ def tags_of(models: Models, key: str) -> list[str]:
     return [tag for model in models for tag in _literals(fields_of(model).get(key))]
 
 
+def tag_key(models: Models) -> str | None:
+    """The key that chooses one of several models; None if none does."""
+    return next((key for key in TAGS if all(tags_of((model,), key) for model in models)), None)
+
+
 def _inner(models: Models, step: str | int) -> Models | None:
     """The models below a key; None if it is no key of theirs."""
     having = [
@@ -82,13 +96,18 @@ def _inner(models: Models, step: str | int) -> Models | None:
     return tuple(model for annotation in having for model in models_in(annotation)) if having else None
 
 
+def _dicts(annotation: Any) -> int:
+    """How many keys of any name lead to a value."""
+    return 1 + _dicts(get_args(annotation)[1]) if get_origin(annotation) is dict else 0
+
+
 def _branch(models: Models, step: str | int) -> Models | None:
     found = tuple(model for model in models if step == model.__name__ or step in _own_tags(model))
     return found or None
 
 
 def _own_tags(model: type[BaseModel]) -> list[str]:
-    return [tag for key in ("type", "kind", "model") for tag in _literals(fields_of(model).get(key))]
+    return [tag for key in TAGS for tag in _literals(fields_of(model).get(key))]
 
 
 def _literals(annotation: Any) -> list[str]:

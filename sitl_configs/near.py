@@ -23,10 +23,11 @@ SYNONYMS = {
 
 
 def meant(word: object, known: Iterable[str]) -> str | None:
-    """The known word that is close to ``word``; None if none is."""
+    """The known word that is close to ``word``, or begins with it; None if none does."""
     names = list(known)
     text = str(word).lower()
     close = difflib.get_close_matches(text, names, n=1, cutoff=0.6)
+    close += [name for name in names if len(text) > 2 and name.startswith(text)]
     if close:
         return close[0]
     return SYNONYMS[text] if SYNONYMS.get(text) in names else None
