@@ -68,11 +68,6 @@ class Guide:
             self._left[place] = (node, samples, next_)
 
 
-def apart(distance_m: float, heights_m: tuple[float, float]) -> tuple[Track, Track]:
-    """Two ends that stand, so far from each other over the ground."""
-    return apart_over_time([(0.0, distance_m)], heights_m)
-
-
 def apart_over_time(
     distances: Sequence[tuple[float, float]], heights_m: tuple[float, float]
 ) -> tuple[Track, Track]:

@@ -43,7 +43,6 @@ from fdm.wire.legacy import legacy_ports
 from sitl_configs.settings import refused
 from sitl_configs.yaml_text import read_yaml, yaml_of
 
-SCHEMA = 1
 MAX = "max"
 OF_ALL = "the address of packets for every node"
 START_TIME_UNIX_S = 1_700_000_000

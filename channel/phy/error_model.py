@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from channel import checks
 from channel.checks import FloatArray
 from channel.numbers.units import ratio_from_db
 from channel.phy import golay, modulation
@@ -49,24 +48,13 @@ class ErrorModel(Protocol):
         ...
 
 
-def packet_error_rate(ber: ArrayLike, trials: ArrayLike) -> FloatArray:
+def packet_error(ber: FloatArray, trials: FloatArray | float) -> FloatArray:
     """Return 1 - (1 - ber)^trials, exact down to ber 1e-300: -expm1(n log1p(-ber)).
 
     Args:
         ber: error rate of one trial (a bit, or the paper's byte), in [0, 1].
         trials: how many of them a packet has, >= 0.
-
-    Raises:
-        ChannelInputError: a rate outside [0, 1] or a negative count.
     """
-    rate = checks.finite("ber", ber, 0.0, 1.0)
-    count = checks.finite("trials", trials, 0.0)
-    checks.broadcast(ber=rate, trials=count)
-    return packet_error(rate, count)
-
-
-def packet_error(ber: FloatArray, trials: FloatArray | float) -> FloatArray:
-    """Return what `packet_error_rate` returns, for values that are known to be good."""
     kept = np.where(np.less(ber, 1.0), np.log1p(np.negative(np.minimum(ber, MAX_BER))), LOG_OF_NONE)
     return np.negative(np.expm1(np.multiply(trials, kept)))
 

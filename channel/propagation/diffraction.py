@@ -5,26 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from channel.checks import FloatArray, finite
+from channel.checks import FloatArray
 
 NU_CLEAR = -0.78
 """Below this Fresnel-Kirchhoff parameter an edge costs nothing (ITU-R P.526-15, eq. 31)."""
 EARTH_RADIUS_M = 6_371_000.0
 
 
-def knife_edge_loss_db(nu: ArrayLike) -> FloatArray:
+def edge_db(nu: FloatArray) -> FloatArray:
     """Return J(nu) = 6.9 + 20 log10(sqrt((nu - 0.1)^2 + 1) + nu - 0.1), 0 below nu = -0.78.
 
     ITU-R P.526-15, eq. 31: an approximation, made for nu above -0.78. It gives 6.0 dB for a grazing ray (nu = 0),
     13.9 dB at nu = 1 and 20.5 dB at nu = 2.4.
     """
-    return edge_db(finite("nu", nu))
-
-
-def edge_db(nu: FloatArray) -> FloatArray:
-    """Return what `knife_edge_loss_db` returns, for values that are known to be good."""
     shifted = np.maximum(nu, NU_CLEAR) - 0.1
     loss_db = 6.9 + 20.0 * np.log10(np.sqrt(shifted**2 + 1.0) + shifted)
     return np.where(np.less_equal(nu, NU_CLEAR), 0.0, loss_db)

@@ -6,10 +6,8 @@ import math
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field
 
-from channel import checks
 from channel.checks import FloatArray
 from channel.geometry import Path
 from channel.numbers.units import SPEED_OF_LIGHT_MPS
@@ -47,27 +45,12 @@ class PathLossModel(Variant):
         raise NotImplementedError
 
 
-def friis_loss_db(distance_m: ArrayLike, frequency_hz: ArrayLike) -> FloatArray:
-    """Return the free-space loss between isotropic antennas, dB.
+def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
+    """Return the free-space loss between isotropic antennas, dB, of values above 0, in their broadcast shape.
 
     20 log10(4 pi d f / c); ITU-R P.525-4, eq. 3. No loss below zero is hidden: in the near field
     (d < lambda / 4 pi) the formula, and this function, give a gain.
-
-    Args:
-        distance_m: > 0, any shape.
-        frequency_hz: > 0, broadcasts against the distance.
-
-    Raises:
-        ChannelInputError: a value is not finite and positive.
     """
-    distance = checks.finite("distance_m", distance_m, 0.0, low_open=True)
-    frequency = checks.finite("frequency_hz", frequency_hz, 0.0, low_open=True)
-    checks.broadcast(distance_m=distance, frequency_hz=frequency)
-    return friis_db(distance, frequency)
-
-
-def friis_db(distance_m: FloatArray | float, frequency_hz: FloatArray | float) -> FloatArray:
-    """Return what `friis_loss_db` returns, for values that are known to be good."""
     return 20.0 * np.log10(np.multiply(distance_m, frequency_hz)) + _FRIIS_CONSTANT_DB
 
 

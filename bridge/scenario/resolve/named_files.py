@@ -30,11 +30,6 @@ LAWS = "lostlink."
 """What groups of entry points begin with that give models of radios names."""
 
 
-def named_files(scenario: Scenario) -> list[Path]:
-    """The files of `named_code`."""
-    return list(named_code(scenario).files)
-
-
 def named_code(scenario: Scenario) -> Code:
     """All files that the scenario names, and what these name or import in their turn; and packages that they import.
 

@@ -23,8 +23,6 @@ _MAGIC = re.compile(rb"[\xfd\xfe]")
 _HEADER_2, _HEADER_1, _CHECKSUM, _SIGNATURE = 10, 6, 2, 13
 _SIGNED = 0x01
 
-DROP_REASONS = ("bad_checksum", "noise_bytes", "other_messages")
-
 
 class FrameWriter:
     """Writes frames of one sender, with its sequence number.
@@ -60,7 +58,7 @@ class FrameReader:
         known: CRC_EXTRA of the messages that are wanted, by id; others are passed over by their length.
 
     Attributes:
-        counters: what was dropped, by DROP_REASONS.
+        counters: what was dropped: bad_checksum, noise_bytes, other_messages.
     """
 
     __slots__ = ("_known", "_left", "counters")

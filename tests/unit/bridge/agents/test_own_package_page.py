@@ -10,7 +10,7 @@ import pytest
 
 from bridge.agents.own import load_class
 from bridge.scenario.file import read_scenario
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from lostlink.study.study import Study
 
 TEXT = (Path(__file__).parents[4] / "docs" / "reference" / "agents.md").read_text(encoding="utf-8")
@@ -23,7 +23,7 @@ def test_the_package_of_the_page_is_found(tmp_path: Path, monkeypatch: pytest.Mo
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path / "src")
-    assert [file.name for file in named_files(read_scenario(tmp_path / "flock.yaml"))] == [
+    assert [file.name for file in named_code(read_scenario(tmp_path / "flock.yaml")).files] == [
         "__init__.py",
         "agent.py",
         "rules.py",

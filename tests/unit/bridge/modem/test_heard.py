@@ -12,7 +12,7 @@ from bridge.modem.heard import HeardWorld, RadioMeter
 from bridge.modem.pair import AIR, GROUND
 from bridge.modem.radio_link import LinkPlan, RadioLink
 from bridge.modem.settings import counts_foreign, peers_of
-from bridge.modem.tracks import apart
+from bridge.modem.tracks import apart_over_time
 from channel.access import world as access_world
 from channel.access.media.medium import AccessMedium
 from channel.access.packets import AirPacket
@@ -111,7 +111,7 @@ def test_noise_is_what_a_radio_takes_in_though_nothing_comes_through(jammed: boo
             },
         )
     )
-    link = RadioLink(LinkPlan((radio, radio), apart(20.0, (30.0, 30.0))))
+    link = RadioLink(LinkPlan((radio, radio), apart_over_time([(0.0, 20.0)], (30.0, 30.0))))
     for tenth in range(50):
         link.receive(AIR, heartbeat(), tenth * 100 * MS)
     link.advance(5 * S)

@@ -9,7 +9,7 @@ import pytest
 
 from bridge.modem.pair import AIR, GROUND
 from bridge.modem.radio_link import LinkPlan, RadioLink
-from bridge.modem.tracks import apart
+from bridge.modem.tracks import apart_over_time
 from channel.link.radio import Radio
 from channel.medium.reception import Fate
 from channel.presets import load_radio
@@ -22,7 +22,7 @@ RSSI_AT = 10 + 4
 
 def link_of(radio: str, distance_m: float = 20.0, **values: Any) -> RadioLink:
     one = Radio(load_radio(radio, {"error": {"model": "lossless"}, **values}))
-    return RadioLink(LinkPlan((one, one), apart(distance_m, (2.0, 30.0))))
+    return RadioLink(LinkPlan((one, one), apart_over_time([(0.0, distance_m)], (2.0, 30.0))))
 
 
 @pytest.mark.slow

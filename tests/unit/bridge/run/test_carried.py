@@ -12,7 +12,7 @@ from bridge.run import carried
 from bridge.run.directory import SCENARIO_FILE, RunDirectory
 from bridge.scenario.file import parse_scenario, read_scenario
 from bridge.scenario.model import Scenario
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from bridge.scenario.resolve.radio import radio_from, radios_of
 from channel.presets import radio_to_yaml
 from lostlink.reading.moved import scenario_of
@@ -134,7 +134,7 @@ def test_a_model_of_ones_own_in_a_radio_is_found_where_it_lies(
     run = folder / "runs" / "A"
     run.mkdir(parents=True)
     RunDirectory(run).write(scenario, "")
-    write_provenance(collect({}, named_files(scenario)), run)
+    write_provenance(collect({}, named_code(scenario).files), run)
     flown = radios(scenario_of(run), folder)
     assert flown[1] == radios(scenario, folder)[1]
     elsewhere = folder.rename(tmp_path / "elsewhere")

@@ -9,7 +9,7 @@ import pytest
 
 from bridge.scenario.file import SCENARIOS, read_scenario
 from bridge.scenario.resolve.flight import wind_of
-from bridge.scenario.resolve.named_files import Named, _laws, named_code, named_files
+from bridge.scenario.resolve.named_files import Named, _laws, named_code
 
 SITL = Path(str(SCENARIOS)).parent
 SCENARIO = """\
@@ -52,7 +52,7 @@ def made(folder: Path) -> Path:
 
 
 def test_files_of_a_scenario_and_those_that_they_name(tmp_path: Path) -> None:
-    found = named_files(read_scenario(str(made(tmp_path))))
+    found = named_code(read_scenario(str(made(tmp_path)))).files
     assert [str(path.relative_to(tmp_path)) for path in found] == [
         "agent.py",
         "base.yaml",
@@ -72,7 +72,7 @@ def test_files_of_a_wind_that_is_spelt_out(tmp_path: Path) -> None:
     file = tmp_path / "scenario.yaml"
     file.write_text(SCENARIO.replace("wind: wind.yaml", "wind: {map: {file: maps/shear.nc, outside: error}}"))
     scenario = read_scenario(str(file))
-    assert tmp_path / "maps" / "shear.nc" in named_files(scenario)
+    assert tmp_path / "maps" / "shear.nc" in named_code(scenario).files
     assert wind_of(scenario).map is not None
 
 
@@ -116,4 +116,4 @@ def test_a_model_that_a_package_brings_by_name_is_code_too(
 
 
 def test_what_ships_goes_by_name() -> None:
-    assert named_files(read_scenario("separation")) == []
+    assert named_code(read_scenario("separation")).files == ()

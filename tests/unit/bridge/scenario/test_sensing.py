@@ -10,7 +10,7 @@ from bridge.fleet.hosts import host_groups
 from bridge.scenario.file import ScenarioError, parse_scenario
 from bridge.scenario.model import Scenario
 from bridge.scenario.resolve.ground_track import GroundTrack
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of, sensors_of
 
@@ -97,7 +97,7 @@ def test_files_of_a_sensor_and_of_an_antenna_are_as_seen_from_the_scenario(tmp_p
     it = scenario(emitter, sensor="{radio: receiver.yaml}", folder=tmp_path)
     assert sensors_of(it)["0"].radio.offset_db == -3.0
     assert len(emitters_of(it)[0].antenna.pattern) == 4
-    assert named_files(it) == [tmp_path / "receiver.yaml"]
+    assert named_code(it).files == (tmp_path / "receiver.yaml",)
     assert Scenario.from_yaml(it.to_yaml()) == it
 
 

@@ -9,7 +9,7 @@ from channel.medium.medium import Medium
 from channel.presets import load_radio, preset_names
 from channel.propagation.air_to_ground import AlHourani, RmaAv, UmaAv
 from channel.propagation.hata import OkumuraHata
-from channel.propagation.path_loss import friis_loss_db
+from channel.propagation.path_loss import friis_db
 from channel.validity import OutsideValidityError, ValidityWarning
 
 
@@ -24,7 +24,7 @@ def test_al_hourani_sees_everything_from_overhead_and_little_from_afar():
     assert float(model.line_of_sight_probability(overhead)) == pytest.approx(1.0, abs=1e-4)
     by_hand = 1.0 / (1.0 + 9.61 * np.exp(-0.16 * (np.degrees(np.arctan2(98.5, 1000.0)) - 9.61)))
     assert float(model.line_of_sight_probability(far)) == pytest.approx(by_hand)
-    excess = float(model.path_loss_db(far) - friis_loss_db(far.distance_m, 2e9))
+    excess = float(model.path_loss_db(far) - friis_db(far.distance_m, 2e9))
     assert excess == pytest.approx(by_hand * 1.0 + (1.0 - by_hand) * 20.0)
 
 

@@ -8,7 +8,7 @@ from channel import presets
 from channel.geometry import Path
 from channel.link.radio import Radio
 from channel.propagation.hata import Cost231Hata, OkumuraHata
-from channel.propagation.path_loss import friis_loss_db
+from channel.propagation.path_loss import friis_db
 
 
 def test_path_losses_are_those_of_ns3():
@@ -82,4 +82,4 @@ def test_gz_means():
 
 def test_friis_of_the_standard():
     """ITU-R P.525: 32.4 + 20 log10 f(MHz) + 20 log10 d(km), which rounds 32.448."""
-    assert float(friis_loss_db(1000.0, 2412e6)) == pytest.approx(32.448 + 20 * np.log10(2412.0), abs=1e-3)
+    assert float(friis_db(1000.0, 2412e6)) == pytest.approx(32.448 + 20 * np.log10(2412.0), abs=1e-3)

@@ -16,7 +16,7 @@ from bridge.scenario.file import parse_scenario
 from bridge.scenario.resolve.radio import radio_of
 from channel.link.radio import Radio
 from channel.presets import PresetError, at_origin, load_radio, radio_from_mapping, radio_to_yaml, seen_from
-from channel.propagation.path_loss import friis_loss_db
+from channel.propagation.path_loss import friis_db
 from fdm.model.geodesy import GeodeticPosition, geodetic_from_ned
 
 ROOT = Path(__file__).parents[4]
@@ -140,7 +140,7 @@ def test_a_link_behind_the_ridge():
         radio.link(position_tx_ned_m=(0.0, 0.0, -height), position_rx_ned_m=(800.0, 0.0, -height))
         for height in (150.0, 20.0)
     )
-    free = float(friis_loss_db(800.0, 2.412e9))
+    free = float(friis_db(800.0, 2.412e9))
     assert float(high.path_loss_db) == pytest.approx(free, abs=0.01)
     assert float(low.path_loss_db) > free + 25.0
 

@@ -14,7 +14,7 @@ from channel.link.radio import Radio
 from channel.medium.medium import Medium
 from channel.presets import PresetError, load_radio
 from channel.propagation.gain_file import GainFileError, read_gain_file
-from channel.propagation.path_loss import friis_loss_db
+from channel.propagation.path_loss import friis_db
 from channel.validity import OutsideValidityError
 from sitl_configs import netcdf
 
@@ -177,7 +177,7 @@ def test_outside_it_refuses_or_falls_back(tmp_path, tx, rx):
         tmp_path / "map.nc4", outside="fallback", fallback={"model": "log-distance", "exponent": 3.0}
     )
     distance = float(np.linalg.norm(np.subtract(rx, tx)))
-    by_law = float(friis_loss_db(1.0, 2.412e9)) + 30.0 * np.log10(distance)
+    by_law = float(friis_db(1.0, 2.412e9)) + 30.0 * np.log10(distance)
     mixed = gain_db(other, np.array([tx, (0, 0, 20)], dtype=float), np.array([rx, (100, 0, 30)], dtype=float))
     assert mixed == pytest.approx([-by_law, plane_db(0, 100.0, 0.0, 30.0)])
 
@@ -394,7 +394,7 @@ def test_a_medium_flies_over_the_map_that_ships(tmp_path):
         medium.send(medium.packets(tx="holds", seq=tick, sim_time_ns=tick * 10**9, length_bytes=40))
         powers += medium.settle().received_power_dbm.tolist()
     powers += medium.flush().received_power_dbm.tolist()
-    free = 18.0 + 2 * 2.3 - float(friis_loss_db(np.hypot(500.0, 40.0), 2.412e9))
+    free = 18.0 + 2 * 2.3 - float(friis_db(np.hypot(500.0, 40.0), 2.412e9))
     assert powers[0] == pytest.approx(free, abs=0.5)
     assert powers[2] < free - 15.0
 
@@ -409,7 +409,7 @@ def test_what_sionna_traced_in_the_open_is_free_space(tmp_path):
     mast = np.array([0.0, -3.0, 3.0])  # x -3, y 0
     receivers = np.array([[2.5, east, height] for east in (-4.5, -3.5, -1.5) for height in (1.5, 2.5)])
     distance = np.linalg.norm(receivers - mast, axis=-1)
-    assert -gain_db(mapped, mast, receivers) == pytest.approx(friis_loss_db(distance, 2.412e9), abs=0.15)
+    assert -gain_db(mapped, mast, receivers) == pytest.approx(friis_db(distance, 2.412e9), abs=0.15)
 
 
 def test_arrays_of_sionna_become_a_map(tmp_path):
@@ -443,7 +443,5 @@ def test_arrays_of_sionna_become_a_map(tmp_path):
     mapped = radio(tmp_path / "map.nc")
     place = (25.0 + 5.0, 55.0 - 5.0, 40.0)  # a cell's centre, y 25 and x 55
     got = float(gain_db(mapped, (-10.0, 0.0, 30.0), place))
-    assert got == pytest.approx(
-        -float(friis_loss_db(np.sqrt(40.0**2 + 50.0**2 + 10.0**2), 2.412e9)), abs=1e-4
-    )
+    assert got == pytest.approx(-float(friis_db(np.sqrt(40.0**2 + 50.0**2 + 10.0**2), 2.412e9)), abs=1e-4)
     assert float(gain_db(mapped, (-10.0, 0.0, 30.0), (-45.0 + 5.0, -95.0 - 5.0, 20.0))) == -200.0

@@ -8,7 +8,7 @@ import pytest
 
 from channel.link.radio import Radio
 from channel.presets import load_radio
-from channel.propagation.path_loss import friis_loss_db
+from channel.propagation.path_loss import friis_db
 from channel.propagation.two_ray import TwoRay, TwoSlope
 
 C = 299_792_458.0
@@ -25,7 +25,7 @@ def over_free_space_db(model, ground_m, tx_m=40.0, rx_m=40.0, frequency_hz=2.4e9
     path = radio({"model": "free-space"}).path(
         ground_distance_m=ground_m, height_tx_m=tx_m, height_rx_m=rx_m, frequency_hz=frequency_hz
     )
-    return friis_loss_db(path.distance_m, frequency_hz) - model.path_loss_db(path)
+    return friis_db(path.distance_m, frequency_hz) - model.path_loss_db(path)
 
 
 def test_nulls_and_peaks_are_where_the_ways_differ_by_whole_and_half_wavelengths():
@@ -58,7 +58,7 @@ def test_far_away_it_is_the_fourth_power_law():
     model = TwoRay(polarisation="horizontal", ground_permittivity=80.0, ground_conductivity_s_per_m=4.0)
     crossover = 4.0 * math.pi * 2.0 * 2.0 * 915e6 / C
     far = 30.0 * crossover
-    got = friis_loss_db(far, 915e6) - over_free_space_db(model, far, 2.0, 2.0, 915e6)
+    got = friis_db(far, 915e6) - over_free_space_db(model, far, 2.0, 2.0, 915e6)
     assert float(got) == pytest.approx(40.0 * math.log10(far) - 20.0 * math.log10(4.0), abs=0.15)
     rough = TwoRay(roughness_m=5.0, **DRY)
     assert over_free_space_db(rough, np.linspace(50.0, 300.0, 9)) == pytest.approx(0.0, abs=1e-3)
@@ -106,7 +106,7 @@ def test_a_bank_turns_the_reflection_on():
     banked = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
     level = aircraft.link(**ends)
     rolled = aircraft.link(**ends, attitude_tx_wxyz=banked, attitude_rx_wxyz=banked)
-    free = float(friis_loss_db(5.0, 2.412e9))
+    free = float(friis_db(5.0, 2.412e9))
     assert float(level.path_loss_db) == pytest.approx(free, abs=0.01)
     assert abs(float(rolled.path_loss_db) - free) > 0.05
 

@@ -21,7 +21,7 @@ from bridge.record.provenance import collect, read_provenance, write_provenance
 from bridge.record.tables.every import finish_tables
 from bridge.record.tables.measurements import MeasurementWriter
 from bridge.scenario.file import read_scenario
-from bridge.scenario.resolve.named_files import named_files
+from bridge.scenario.resolve.named_files import named_code
 from channel.presets import load_radio
 from channel.sensing.measured import MEASURED, Measured
 from lostlink.cli import now_and_then
@@ -277,7 +277,7 @@ def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_pa
     radio = f"{{preset: hata-qpsk, propagation: {{class: '{law}:Flat'}}}}"
     scenario = scenario_of(radio, NODES)
     made = flown(tmp_path / "made", scenario, 20)
-    write_provenance(collect({}, named_files(scenario)), made)
+    write_provenance(collect({}, named_code(scenario).files), made)
     same = redecide(made)
     assert (same.exit_code, same.stderr) == (0, "")
     law.write_text(LAW.format(loss_db=150.0))
