@@ -25,8 +25,6 @@ from aps.vehicle.subscription import Subscription
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.framer import Frame
 
-__all__ = ["DaemonBase"]
-
 _log = logging.getLogger(__name__)
 
 

@@ -14,8 +14,6 @@ from aps.logs.tlog import DEFAULT_MAX_FILE_BYTES, DEFAULT_MAX_FILES
 from aps.timeouts import ROUTE_EXPIRY_S
 from aps.vehicle.streams import DEFAULT_RATES_HZ
 
-__all__ = ["DaemonConfig"]
-
 NS_PER_S: Final = 1_000_000_000
 
 

@@ -23,8 +23,6 @@ from aps.vehicle.vehicle import Vehicle
 from aps.wire.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID
 from aps.wire.framer import Frame
 
-__all__ = ["Core"]
-
 HEARTBEAT_PERIOD_NS: Final = round(HEARTBEAT_PERIOD_S * NS_PER_S)
 APART_NS: Final = 5 * NS_PER_S
 """Clocks of one autopilot, told by two links, do not differ by more, unless a link is slow or a simulation fast ..."""

@@ -37,8 +37,6 @@ from aps.vehicle.autopilots.autopilot import TIMESYNC
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.wire.framer import Frame
 
-__all__ = ["ExchangeCounters", "HeldDaemon"]
-
 AUTOPILOT_ID: Final = 0
 """Id of the autopilot's link; an input's is 1 or higher."""
 _KINDS: Final = ("tcp", "udp-in")

@@ -13,8 +13,6 @@ from typing import Final, Literal
 
 from aps.wire.framer import Frame, Framer
 
-__all__ = ["PENDING_LIMIT_BYTES", "Input", "InputQueue"]
-
 PENDING_LIMIT_BYTES: Final = 64 * 1024
 """From here on a client is not read until the next exchange: nothing is lost, TCP makes it wait, and a flood of garbage
 costs the UA this much per exchange at most."""

@@ -11,8 +11,6 @@ from aps.config import DaemonConfig
 from aps.links.address import parse_address, parse_autopilot, parse_host_port
 from sitl_configs.config_file import read_model
 
-__all__ = ["DaemonSettings", "FileSettings", "SettingsError", "read_settings"]
-
 AUTOPILOT_PORT: Final = 5760
 LISTEN_PORT: Final = 6760
 PORT_STRIDE: Final = 10

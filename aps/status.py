@@ -24,8 +24,6 @@ from typing import Any, Final
 
 from aps.vehicle.telemetry import VehicleState
 
-__all__ = ["SUFFIX", "StatusServer", "plain_state", "remove_stale", "status_directory"]
-
 SUFFIX: Final = ".sock"
 _log = logging.getLogger(__name__)
 

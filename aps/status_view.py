@@ -24,8 +24,6 @@ from rich.text import Text
 from aps.logs.printable import printable
 from aps.status import SUFFIX, remove_stale, status_directory
 
-__all__ = ["ask", "ask_over_http", "tables", "watch"]
-
 TIMEOUT_S: Final = 1.0
 WIDE: Final = 1000
 """Columns where the output is no terminal: a table is as wide as it needs."""

@@ -6,8 +6,6 @@ import csv
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["rows_with_headings"]
-
 
 def rows_with_headings(
     lines: Iterable[str], read: Iterable[str]

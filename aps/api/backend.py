@@ -11,8 +11,6 @@ from aps.vehicle.messages import LastMessage
 from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 
-__all__ = ["DaemonBackend"]
-
 
 class DaemonBackend:
     """The API's view of a daemon.

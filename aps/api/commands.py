@@ -15,8 +15,6 @@ from aps.api.jobs import Busy, Job, Jobs, result_json
 from aps.vehicle.commander import VERBS
 from aps.vehicle.execution import CommandResult, Outcome
 
-__all__ = ["ENDINGS", "UNKNOWN", "add_commands", "run"]
-
 STATUS: Final = {
     Outcome.REACHED: 200,
     Outcome.SUPERSEDED: 200,

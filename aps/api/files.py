@@ -24,8 +24,6 @@ from aps.vehicle.missions.files import (
 from aps.vehicle.missions.items import KINDS, MissionItem, first_seq
 from aps.vehicle.parameters.files import compare, read_parameters, write_parameters
 
-__all__ = ["add_files"]
-
 _FILE: Final = {"requestBody": {"required": True, "content": {"text/plain": {"schema": {"type": "string"}}}}}
 """OpenAPI's words for a body that is the text of a file."""
 _FILE_ENDINGS: Final = {**ENDINGS, 422: {"description": "The file cannot be read: line and reason"}}

@@ -18,8 +18,6 @@ from urllib.parse import parse_qs, urlsplit
 
 from starlette.exceptions import HTTPException
 
-__all__ = ["POLICY_VIOLATION", "TOKEN_VARIABLE", "ApiConfig", "Guard", "is_loopback", "refuse"]
-
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]

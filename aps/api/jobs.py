@@ -11,8 +11,6 @@ from aps.api.backend import DaemonBackend
 from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from aps.vehicle.messages import plain
 
-__all__ = ["Busy", "Job", "Jobs"]
-
 MAX_UNDER_WAY: Final = 64
 MAX_KEPT: Final = 256
 

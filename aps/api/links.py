@@ -11,8 +11,6 @@ from aps.api.backend import DaemonBackend
 from aps.api.guard import is_loopback
 from aps.links.address import parse_address
 
-__all__ = ["add_links"]
-
 MAX_OPENED: Final = 32
 
 

@@ -9,8 +9,6 @@ from typing import Any, Final
 from aps.api.guard import App, Receive, Scope, Send, refuse
 from aps.links.allowance import Allowance
 
-__all__ = ["PacedApi"]
-
 REQUESTS_PER_S: Final = 100.0
 """Of all clients together. It shares the event loop with the UA, in a run with the whole fleet: a request takes it 0.5
 to 2 ms. Whoever wants to know more often has the stream."""

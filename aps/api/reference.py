@@ -17,8 +17,6 @@ from aps.api.backend import DaemonBackend
 from aps.api.routes import build
 from aps.daemon import Daemon, DaemonConfig
 
-__all__ = ["reference"]
-
 FILE: Final = Path("docs/reference/aps-api.md")
 HEAD: Final = """\
 # HTTP API

@@ -20,8 +20,6 @@ from aps.api.links import add_links
 from aps.api.serving import serve_client
 from aps.api.stream import ApiStream, Listener, state_json
 
-__all__ = ["build"]
-
 MAX_RATE_HZ: Final = 50.0
 MAX_STATUS_HZ: Final = 10.0
 MAX_MISTAKES: Final = 20

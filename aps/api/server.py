@@ -12,8 +12,6 @@ from aps.api.pace import PacedApi
 from aps.api.routes import build
 from aps.api.serving import Serving
 
-__all__ = ["ApiServer"]
-
 MAX_CONNECTIONS = 64
 MAX_FRAME_BYTES = 4096
 """Of what a client says on the stream, where nothing is expected."""

@@ -13,8 +13,6 @@ import uvicorn
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
-__all__ = ["Serving", "serve_client"]
-
 BACKLOG = 64
 """Connections accepted in one turn of the event loop."""
 HEAD_S = 10.0

@@ -16,8 +16,6 @@ from aps.vehicle.messages import as_json
 from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 
-__all__ = ["ApiStream", "Listener", "state_json"]
-
 MAX_WAITING: Final = 256
 """Events that wait for a client: then the oldest give way, and the client gets their number."""
 MAX_LISTENERS: Final = 32

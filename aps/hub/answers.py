@@ -8,8 +8,6 @@ from typing import Any, Final
 from aps.wire.dialect import AUTOPILOT_COMPID, Encoder, mavlink, message_fields
 from aps.wire.framer import Frame
 
-__all__ = ["ANSWERED", "Answers"]
-
 PING: Final = 4
 PARAM_REQUEST_READ: Final = 20
 PARAM_REQUEST_LIST: Final = 21

@@ -14,8 +14,6 @@ from aps.links.link import Link, Role
 from aps.links.rules import RateLimiter
 from aps.wire.framer import Frame
 
-__all__ = ["Hub", "HubCounters", "Local", "Tap"]
-
 Tap = Callable[[bytes, Link], None]
 """Called with each frame, its bytes: one that has come, as its link's rules allow, and one of our own that is sent."""
 

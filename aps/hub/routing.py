@@ -34,8 +34,6 @@ from typing import Final, NamedTuple
 from aps.timeouts import ROUTE_EXPIRY_S
 from aps.wire.framer import Frame
 
-__all__ = ["Route", "Router", "RoutingOutcome"]
-
 NS_PER_S: Final = 1_000_000_000
 DEFAULT_ROUTE_EXPIRY_NS: Final = round(ROUTE_EXPIRY_S * NS_PER_S)
 MAX_LEARNED: Final = 1024

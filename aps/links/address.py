@@ -11,8 +11,6 @@ from aps.links.link import CLIENT_OPENING, Opening, Role
 from aps.links.rules import Filter, LinkRules
 from aps.wire.signing import read_key
 
-__all__ = ["KINDS", "LinkAddress", "parse_address", "parse_autopilot", "parse_host_port"]
-
 DEFAULT_BAUD: Final = 57600
 LOOPBACK: Final = "127.0.0.1"
 KINDS: Final = {

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["DEFAULT_FRAMES_PER_S", "GARBAGE_BYTES_PER_FRAME", "Allowance"]
-
 DEFAULT_FRAMES_PER_S: Final = 1000.0
 """Twenty times a busy ground station: uploads of missions, parameters and files wait for answers in between."""
 BURST_S: Final = 0.5

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Final
 
-__all__ = ["LinkLatency"]
-
 NS_PER_MS: Final = 1_000_000
 MAX_UNANSWERED: Final = 8
 """Requests that may still be answered: an answer to an older one is nobody's."""

@@ -15,8 +15,6 @@ from aps.links.traffic import Traffic
 from aps.wire.framer import Frame, Framer
 from aps.wire.signing import Signing
 
-__all__ = ["CLIENT_OPENING", "Link", "LinkCounters", "LinkOwner", "Opening", "Role"]
-
 
 class Role(Enum):
     """What is at the other end."""

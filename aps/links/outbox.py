@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["DEFAULT_LIMIT_BYTES", "FrameQueue", "Outbox", "OutboxCounters"]
-
 DEFAULT_LIMIT_BYTES: Final = 256 * 1024
 """About 5000 messages, or 20 s of a busy link."""
 LEAST_QUEUE_BYTES: Final = 1024

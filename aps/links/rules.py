@@ -9,8 +9,6 @@ from typing import Final
 
 from aps.wire.framer import Frame
 
-__all__ = ["NO_RULES", "Filter", "LinkRules", "RateLimiter"]
-
 NS_PER_S: Final = 1_000_000_000
 
 

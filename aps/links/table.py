@@ -13,8 +13,6 @@ from aps.links.link import Link, Role
 from aps.wire.framer import Frame
 from aps.wire.signing import HeardStreams
 
-__all__ = ["DEFAULT_MAX_CLIENTS", "LinkTable"]
-
 DEFAULT_MAX_CLIENTS: Final = 64
 LINK_IDS: Final = 256
 TELL_EVERY_S: Final = 10.0

@@ -8,8 +8,6 @@ from typing import Any, Final
 from aps.timeouts import CONNECTED_S
 from aps.wire.framer import MAGIC_V2, Frame
 
-__all__ = ["Traffic"]
-
 NS_PER_S: Final = 1_000_000_000
 MAX_SENDERS: Final = 256
 REORDERED: Final = 200

@@ -10,8 +10,6 @@ import struct
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-__all__ = ["DataflashError", "read_messages"]
-
 HEAD: Final = b"\xa3\x95"
 FMT_TYPE: Final = 128
 FMT: Final = struct.Struct("<BB4s16s64s")

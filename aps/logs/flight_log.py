@@ -42,8 +42,6 @@ from aps.wire.framer import (
     Framer,
 )
 
-__all__ = ["RSSI_SCALES", "AutopilotLogError", "LinkRecord", "LoggedPlace", "read_link", "read_tlog"]
-
 FloatArray = NDArray[np.float64]
 TIMESTAMP: Final = struct.Struct(">Q")
 ULOG: Final = b"ULog"

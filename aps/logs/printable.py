@@ -6,8 +6,6 @@ import logging
 import re
 from typing import Final
 
-__all__ = ["PrintableForm", "printable"]
-
 _CONTROLS: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )

@@ -7,8 +7,6 @@ import logging
 from collections.abc import Iterator
 from typing import Final
 
-__all__ = ["Repeats"]
-
 WINDOW_S: Final = 10.0
 SAME_MOST: Final = 10
 """How often the same line is written in that time ..."""

@@ -19,8 +19,6 @@ from typing import BinaryIO, Final
 
 from aps.wire.signing import loggable
 
-__all__ = ["TlogCounters", "TlogWriter"]
-
 DEFAULT_MAX_FILE_BYTES: Final = 100_000_000
 """Some eight hours of a busy UA."""
 DEFAULT_MAX_FILES: Final = 20

@@ -23,8 +23,6 @@ from typing import Final
 
 from aps.timeouts import IN_PROGRESS_TIMEOUT_S, OWED_HEARTBEATS
 
-__all__ = ["FOREIGN", "AckCounters", "AckLedger"]
-
 MAX_OWED: Final = 256
 """Bound on requests that are remembered: the oldest are forgotten first."""
 FOREIGN: Final = object()

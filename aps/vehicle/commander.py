@@ -24,8 +24,6 @@ from aps.vehicle.status_text import StatusText
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import mavlink
 
-__all__ = ["VERBS", "CommandHandle", "Commander", "OnDone", "OnProgress"]
-
 OnProgress = Callable[[CommandProgress], None]
 OnDone = Callable[[CommandResult], None]
 

@@ -17,8 +17,6 @@ from typing import Any, Final
 from aps.vehicle.status_text import StatusText
 from aps.wire.framer import Frame
 
-__all__ = ["EVENT_ID", "METADATA_PATH", "EventTexts"]
-
 EVENT_ID: Final = 410
 METADATA_PATH: Final = "etc/extras/all_events.json.xz"
 """Where PX4 has its metadata, by MAVLink FTP."""

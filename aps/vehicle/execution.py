@@ -16,8 +16,6 @@ from aps.timeouts import LINK_LOSS_TIMEOUT_S
 from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 
-__all__ = ["NS_PER_S", "CommandProgress", "CommandResult", "Execution", "Outcome", "Refusal"]
-
 NS_PER_S: Final = 1_000_000_000
 
 

@@ -22,17 +22,6 @@ from aps.wire.dialect import (
 )
 from aps.wire.framer import Frame
 
-__all__ = [
-    "LastMessage",
-    "MessageBoard",
-    "RequestExecution",
-    "SendExecution",
-    "as_json",
-    "plain",
-    "request",
-    "send",
-]
-
 RATE_WINDOW_S: Final = 2.0
 """Least time over which a rate is counted."""
 _RATE_WINDOW_NS: Final = round(RATE_WINDOW_S * NS_PER_S)

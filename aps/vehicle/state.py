@@ -9,8 +9,6 @@ from typing import Final
 
 from aps.timeouts import CONNECTED_S
 
-__all__ = ["FLYING", "LandedState", "Vector3", "VehicleState"]
-
 NS_PER_S: Final = 1_000_000_000
 NAN: Final = math.nan
 

@@ -10,8 +10,6 @@ from aps.timeouts import CHUNK_TIMEOUT_S
 from aps.wire.dialect import mavlink
 from aps.wire.framer import Frame
 
-__all__ = ["STATUSTEXT_ID", "StatusText", "StatusTextAssembler", "reasons"]
-
 STATUSTEXT_ID: Final = 253
 MAX_REASON_SEVERITY: Final = int(mavlink.MAV_SEVERITY_WARNING)
 CHUNK_CHARS: Final = 50

@@ -12,8 +12,6 @@ from typing import Any, Final
 from aps.wire.dialect import AUTOPILOT_COMPID, ONBOARD_COMPUTER_COMPID, Encoder, mavlink
 from aps.wire.framer import Frame
 
-__all__ = ["MiddleStick"]
-
 GCS_SYSID: Final = 255
 """MAV_GCS_SYSID: whom ArduPilot lets hold the sticks."""
 PERIOD_MS: Final = 200

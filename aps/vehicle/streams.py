@@ -32,8 +32,6 @@ from aps.timeouts import STREAM_ACK_TIMEOUT_S, STREAM_TRIES
 from aps.wire.dialect import mavlink
 from aps.wire.framer import Frame, with_payload
 
-__all__ = ["DEFAULT_RATES_HZ", "STREAM_GROUPS", "StreamArbiter", "StreamCounters", "StreamWish", "command_of"]
-
 NS_PER_S: Final = 1_000_000_000
 US_PER_S: Final = 1_000_000
 ACK_TIMEOUT_NS: Final = round(STREAM_ACK_TIMEOUT_S * NS_PER_S)

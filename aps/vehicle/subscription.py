@@ -7,8 +7,6 @@ from collections.abc import Callable
 from aps.callbacks import Callbacks
 from aps.vehicle.telemetry import VehicleState
 
-__all__ = ["Subscription", "Subscriptions"]
-
 
 class Subscription:
     """Calls back with the state; ``cancel`` ends it."""

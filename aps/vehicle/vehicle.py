@@ -40,8 +40,6 @@ from aps.wire.dialect import (
 )
 from aps.wire.framer import Frame
 
-__all__ = ["Vehicle"]
-
 FOREIGN_HEARTBEATS: Final = 3
 _HEARTBEAT: Final = 0
 _COMMANDS: Final = frozenset({75, 76})

@@ -28,8 +28,6 @@ from fastcrc.crc16 import mcrf4xx
 
 from aps.wire.dialect import CRC_EXTRA, TARGET_OFFSETS
 
-__all__ = ["MAX_FRAME_BYTES", "Frame", "Framer", "FramerCounters", "with_payload"]
-
 MAGIC_V1: Final = 0xFE
 MAGIC_V2: Final = 0xFD
 HEADER_V1_BYTES: Final = 6

@@ -20,8 +20,6 @@ from fastcrc.crc16 import mcrf4xx
 from aps.wire.dialect import CRC_EXTRA
 from aps.wire.framer import CRC_BYTES, INCOMPAT_SIGNED, MAGIC_V2, SIGNATURE_BYTES, Frame
 
-__all__ = ["KEY_BYTES", "HeardStreams", "Signing", "SigningCounters", "loggable", "read_key"]
-
 KEY_BYTES: Final = 32
 EPOCH_UNIX_US: Final = 1_420_070_400_000_000
 """2015-01-01, from which timestamps count."""

@@ -22,8 +22,6 @@ from bridge.aircraft.body import OnEvent
 from bridge.bus import messages
 from bridge.bus.messages import CommandEvent, CommandGoal, Header, Vector3
 
-__all__ = ["AircraftBridge", "state_message"]
-
 log = logging.getLogger("aircraft")
 
 AGED: Final = (

@@ -15,8 +15,6 @@ from aps.vehicle.execution import CommandProgress, CommandResult, Outcome
 from bridge.bus.messages import CommandEvent, CommandGoal
 from bridge.host.node import Node
 
-__all__ = ["NodeBackend", "api_of"]
-
 
 class NodeBackend(DaemonBackend):
     """The API's view of a node: reads what its daemon knows, and commands as an operator does.

@@ -15,8 +15,6 @@ from bridge.scenario.mistakes.explain import explained
 from bridge.scenario.model import Scenario
 from sitl_configs.yaml_text import NO_VALUE
 
-__all__ = ["read_recorded"]
-
 
 def read_recorded(file: Path, placed: Callable[[Any], Any]) -> Scenario:
     """The scenario of a file, as `Scenario.from_yaml` reads it.

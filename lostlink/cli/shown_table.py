@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["print_table"]
-
 WIDE: Final = 1000
 """Columns, where no terminal says how many there are: nothing is folded."""
 

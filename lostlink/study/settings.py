@@ -8,8 +8,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-__all__ = ["ALWAYS", "BySetting", "Mean", "by_setting", "mean_of"]
-
 SEED: Final = "seed"
 ALWAYS: Final = ("delivery", "age_mean_s", "separation_min_m")
 """Shown after the study's own numbers and those of expectations."""

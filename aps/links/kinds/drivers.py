@@ -11,8 +11,6 @@ from aps.links.kinds.tcp import TcpConnector, TcpServer
 from aps.links.kinds.udp import UdpListener, UdpSender
 from aps.links.link import LinkOwner
 
-__all__ = ["Driver", "make_driver"]
-
 
 class Driver(Protocol):
     """Opens links at one address, and opens them again when they are lost."""

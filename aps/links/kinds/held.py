@@ -15,8 +15,6 @@ from aps.links.link import Link
 from aps.links.outbox import FrameQueue
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 
-__all__ = ["MAX_WRITE_BYTES", "RECEIVE_BUFFER_BYTES", "HeldLink"]
-
 RECEIVE_BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Asked of the kernel (which may grant less), so that an autopilot never waits for us between two exchanges."""
 MAX_WRITE_BYTES: Final = 8 * 1024

@@ -13,8 +13,6 @@ from typing import Any, Final
 from aps.links.address import LinkAddress
 from aps.links.kinds.held import RECEIVE_BUFFER_BYTES, HeldLink
 
-__all__ = ["HeldUdpLink", "datagrams_of"]
-
 DATAGRAM_BYTES: Final = 1400
 _READ_BYTES: Final = 1 << 16
 _OVERHEAD_BYTES: Final = 512

@@ -18,8 +18,6 @@ from aps.links.outbox import LEAST_QUEUE_BYTES, FrameQueue
 from aps.timeouts import FIRST_RETRY_S, LONGEST_RETRY_S
 from aps.wire.framer import MAX_FRAME_BYTES
 
-__all__ = ["SerialConnector", "SerialLink"]
-
 READ_BYTES: Final = 4 * 1024
 BITS_PER_BYTE: Final = 10
 QUEUE_S: Final = 10.0

@@ -13,8 +13,6 @@ from aps.links.link import Link, LinkOwner
 from aps.links.outbox import Outbox
 from aps.timeouts import CONNECT_TIMEOUT_S, FIRST_RETRY_S, LONGEST_RETRY_S
 
-__all__ = ["TcpConnector", "TcpLink", "TcpServer"]
-
 READ_BYTES: Final = 4 * 1024
 """Read from a client at once: what comes faster is worked off in turns with the others."""
 CONNECTOR_READ_BYTES: Final = 64 * 1024

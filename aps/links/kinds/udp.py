@@ -14,8 +14,6 @@ from aps.links.link import Link, LinkOwner
 from aps.links.outbox import FrameQueue
 from aps.timeouts import PEER_SILENCE_S, UDP_RETRY_S
 
-__all__ = ["UdpLink", "UdpListener", "UdpSender"]
-
 DATAGRAM_BYTES: Final = 1400
 """Frames are packed into datagrams that fit an Ethernet frame."""
 SEND_BUFFER_BYTES: Final = 1 << 18

@@ -23,8 +23,6 @@ from aps.vehicle.flight.steps import (
 from aps.vehicle.state import FLYING, Vector3, VehicleState
 from aps.wire.dialect import is_copter, is_ground, is_plane, mavlink
 
-__all__ = ["ArduPilotStack"]
-
 STICK_MODES: Final = frozenset({"ALT_HOLD", "CIRCLE", "FLOWHOLD", "LOITER", "POSHOLD", "SPORT", "ZIGZAG"})
 """ArduCopter's modes in which the throttle stick gives the climb rate: none in the middle, full sinking at zero."""
 VTOL_STICK_MODES: Final = frozenset({"QHOVER", "QLOITER"})

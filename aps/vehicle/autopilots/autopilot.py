@@ -14,18 +14,6 @@ from aps.vehicle.flight.steps import PREARM_CHECK, arm_step, command_long
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import mavlink
 
-__all__ = [
-    "FTP",
-    "LOG_DATA",
-    "LOG_LIST",
-    "SYSTEM_TIME",
-    "TIMESYNC",
-    "Circle",
-    "FlightStack",
-    "Manoeuvre",
-    "Target",
-]
-
 SYSTEM_TIME: Final = 2
 FTP: Final = 110
 """FILE_TRANSFER_PROTOCOL."""

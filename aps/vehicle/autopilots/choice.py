@@ -9,8 +9,6 @@ from aps.vehicle.autopilots.autopilot import FlightStack
 from aps.vehicle.autopilots.px4 import Px4Stack
 from aps.wire.dialect import ARDUPILOT, PX4
 
-__all__ = ["autopilot_of"]
-
 _OTHER: Final = FlightStack()
 _KNOWN: Final[dict[int, FlightStack]] = {ARDUPILOT: ArduPilotStack(), PX4: Px4Stack()}
 

@@ -28,8 +28,6 @@ from aps.vehicle.missions.reached import reached_since
 from aps.vehicle.state import FLYING, Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, is_plane, mavlink
 
-__all__ = ["MODES", "Px4Stack"]
-
 OFFBOARD_LEAD_S: Final = 0.5
 """Setpoints have to come before OFFBOARD is entered: its checks look for one at 10 Hz."""
 SETPOINT_PERIOD_S: Final = 0.25

@@ -31,8 +31,6 @@ from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText
 from aps.wire.dialect import message_class
 
-__all__ = ["NOT_ARMED", "NO_LINK", "CommandExecution"]
-
 NO_LINK: Final = "no link to the autopilot"
 NOT_ARMED: Final = "the UA is not armed"
 

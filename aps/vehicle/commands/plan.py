@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from aps.vehicle.state import VehicleState
 
-__all__ = ["ARMING", "FLIGHT", "CommandPlan", "Echo", "Step"]
-
 FLIGHT: Final = "flight"
 ARMING: Final = "arming"
 

@@ -9,8 +9,6 @@ from aps.vehicle.commands.plan import CommandPlan
 from aps.vehicle.execution import NS_PER_S
 from aps.vehicle.state import VehicleState
 
-__all__ = ["RepeatedSetpoints"]
-
 LEAD_PATIENCE: Final = 10.0
 """Leads that are waited for by our clock, if the autopilot's is slower."""
 ECHO_SETPOINTS: Final = 5

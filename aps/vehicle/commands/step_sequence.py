@@ -19,8 +19,6 @@ from aps.vehicle.state import VehicleState
 from aps.vehicle.status_text import StatusText, reasons
 from aps.wire.dialect import enum_label, mavlink
 
-__all__ = ["HEARTBEAT", "StepSequence"]
-
 PARAMETER_TOLERANCE: Final = 1.0
 AGAIN_S: Final = 0.25
 """After so long a step that was rejected for now is sent again."""

@@ -15,8 +15,6 @@ from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked, horizontal_distanc
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import is_plane
 
-__all__ = ["orbit"]
-
 ORBIT_LEAD_S: Final = 0.1
 """How far ahead on the circle the point is that is flown to: what passes until the setpoint is there. (ArduCopter adds
 a speed of its own for what is left to the point.)"""

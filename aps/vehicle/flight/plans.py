@@ -24,17 +24,6 @@ from aps.vehicle.flight.steps import (
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import is_plane, mavlink
 
-__all__ = [
-    "arm",
-    "change_speed",
-    "disarm",
-    "land",
-    "reboot",
-    "rtl",
-    "set_mode",
-    "takeoff",
-]
-
 FORCE_DISARM: Final = 21196.0
 
 

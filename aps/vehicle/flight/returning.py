@@ -10,8 +10,6 @@ from aps.vehicle.flight.steps import horizontal_distance_m, is_fixed_wing
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import ARDUPILOT, is_plane, mavlink
 
-__all__ = ["PLANE_RADIUS_M", "WAY_LAG_S", "WAY_M", "Returning"]
-
 PLANE_RADIUS_M: Final = 200.0
 """A fixed wing circles its target, at ArduPlane's WP_LOITER_RAD (60 m unless set, 120 m for our Aerosonde) and wider
 while it turns in: within this of it counts as there."""

@@ -11,18 +11,6 @@ from aps.vehicle.flight.steps import EARTH_RADIUS_M, checked
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
-__all__ = [
-    "NO_POSITION",
-    "ZERO",
-    "Place",
-    "Yaw",
-    "global_setpoint",
-    "leg_s",
-    "local_setpoint",
-    "offset_deg",
-    "place_of",
-]
-
 # POSITION_TARGET_TYPEMASK: bits of what is to be ignored.
 NO_POSITION: Final = 0x007
 _NO_VELOCITY: Final = 0x038

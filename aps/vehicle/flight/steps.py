@@ -9,21 +9,6 @@ from aps.vehicle.commands.plan import Step
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
-__all__ = [
-    "EARTH_RADIUS_M",
-    "PREARM_CHECK",
-    "arm_step",
-    "checked",
-    "command_int",
-    "command_long",
-    "finite_or_none",
-    "horizontal_distance_m",
-    "is_fixed_wing",
-    "optional",
-    "parameter_step",
-    "set_mode",
-]
-
 EARTH_RADIUS_M: Final = 6_378_137.0
 PREARM_CHECK: Final = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 

@@ -24,8 +24,6 @@ from aps.vehicle.flight.steps import checked, command_long, finite_or_none, hori
 from aps.vehicle.state import Vector3, VehicleState
 from aps.wire.dialect import is_ground, is_plane, mavlink
 
-__all__ = ["follow", "goto", "goto_ned", "hold", "velocity"]
-
 COPTER_RADIUS_M: Final = 2.0
 COPTER_HEIGHT_M: Final = 1.0
 PLANE_HEIGHT_M: Final = 15.0

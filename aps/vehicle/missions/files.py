@@ -17,8 +17,6 @@ from typing import Any, Final
 from aps.vehicle.missions.items import MissionItem
 from aps.wire.dialect import enum_label, mavlink
 
-__all__ = ["FlightPlan", "jumps_moved", "read_plan", "read_waypoints", "write_plan", "write_waypoints"]
-
 Place = tuple[float, float, float]
 WAYPOINT_HEADER: Final = "QGC WPL 110"
 _COLUMNS: Final = 12

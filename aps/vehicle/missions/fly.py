@@ -16,8 +16,6 @@ from aps.vehicle.missions.reached import ReachedItems, reached_since
 from aps.vehicle.state import VehicleState
 from aps.wire.dialect import is_plane
 
-__all__ = ["fly", "set_current"]
-
 MISSION_TIMEOUT_S: Final = 24 * 3600.0
 STALE_S: Final = 5.0
 """A mission that was begun and still says COMPLETE so long after its start, by the autopilot's clock, is complete (it

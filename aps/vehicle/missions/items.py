@@ -14,8 +14,6 @@ from typing import Any, Final
 from aps.vehicle.autopilots.choice import autopilot_of
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_value, has_location, mavlink
 
-__all__ = ["KINDS", "MissionItem", "first_seq", "items_of"]
-
 KINDS: Final = {
     "mission": int(mavlink.MAV_MISSION_TYPE_MISSION),
     "fence": int(mavlink.MAV_MISSION_TYPE_FENCE),

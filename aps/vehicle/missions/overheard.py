@@ -14,8 +14,6 @@ from aps.vehicle.missions.items import KINDS, MissionItem
 from aps.wire.dialect import mavlink, message_fields
 from aps.wire.framer import Frame
 
-__all__ = ["OVERHEARD", "Overheard"]
-
 _ITEM, _PARTIAL, _COUNT, _CLEAR, _ACK, _ITEM_INT = 39, 38, 44, 45, 47, 73
 OVERHEARD: Final = frozenset({_ITEM, _PARTIAL, _COUNT, _CLEAR, _ACK, _ITEM_INT})
 """Ids of the messages of the protocol that say what a list has."""

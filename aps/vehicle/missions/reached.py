@@ -6,8 +6,6 @@ from typing import Final
 
 from aps.vehicle.state import VehicleState
 
-__all__ = ["ReachedItems", "reached_since"]
-
 _ITEM_REACHED: Final = 46
 
 

@@ -19,16 +19,6 @@ from aps.vehicle.status_text import StatusText, reasons
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 
-__all__ = [
-    "TRANSFER",
-    "ClearExecution",
-    "DownloadExecution",
-    "UploadExecution",
-    "clear",
-    "download",
-    "upload",
-]
-
 TRANSFER: Final = "transfer"
 FEEDBACK_ITEMS: Final = 10
 """Items between two pieces of feedback."""

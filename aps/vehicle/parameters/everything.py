@@ -11,8 +11,6 @@ from aps.vehicle.parameters.ftp import PackedExecution
 from aps.vehicle.parameters.transfer import ListExecution
 from aps.vehicle.telemetry import VehicleState
 
-__all__ = ["AllExecution", "get_all"]
-
 OPEN_TRIES: Final = 2
 """How often an autopilot is asked that may know no FTP at all."""
 

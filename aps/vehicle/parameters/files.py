@@ -8,9 +8,6 @@ from typing import Final, NamedTuple
 
 from aps.vehicle.parameters.transfer import as_float32, checked_name
 
-__all__ = ["ParameterDifference", "compare", "read_parameters", "write_parameters"]
-
-
 _FLAG: Final = "@"
 """Begins what ArduPilot's own defaults have behind a value: ``@READONLY``."""
 WHOLE_MAX: Final = 2**32 - 1

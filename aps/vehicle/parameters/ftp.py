@@ -19,8 +19,6 @@ from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, mavlink
 
-__all__ = ["PackedExecution", "ReadExecution", "unpacked"]
-
 PACKED_PARAMETERS: Final = "@PARAM/param.pck"
 DATA_BYTES: Final = 239
 MAX_FILE_BYTES: Final = 1 << 20

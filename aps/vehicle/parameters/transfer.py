@@ -17,8 +17,6 @@ from aps.vehicle.execution import NS_PER_S, Execution, Outcome
 from aps.vehicle.telemetry import VehicleState
 from aps.wire.dialect import AUTOPILOT_COMPID, enum_label, mavlink
 
-__all__ = ["GetExecution", "ListExecution", "SetExecution", "get", "set_all", "set_one"]
-
 NAME_CHARS: Final = 16
 SYSTEM_ID_PARAMETERS: Final = frozenset({"MAV_SYSID", "SYSID_THISMAV", "MAV_SYS_ID"})
 """What an autopilot calls itself: ArduPilot (from 4.7 on, before) at once, PX4 after a reboot."""

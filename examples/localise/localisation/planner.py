@@ -220,6 +220,3 @@ def _thinned(places_ned_m: Floats, least_m: float) -> Floats:
         if len(kept) == REMEMBERED:
             break
     return np.array(kept).reshape(-1, 3)
-
-
-__all__ = ["Fence", "Planner", "PlannerSettings", "Situation", "Way", "way_of"]

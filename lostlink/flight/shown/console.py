@@ -14,8 +14,6 @@ from rich.text import Text
 from aps.logs.printable import printable
 from lostlink.flight.exits import OUTPUT_CLOSED
 
-__all__ = ["plain_console"]
-
 
 def plain_console(*, stderr: bool = False) -> Console:
     """A console without markup, emoji codes and highlights: `[near]` and `m.py:boom` are shown as they are."""

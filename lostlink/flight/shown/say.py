@@ -6,8 +6,6 @@ import click
 
 from aps.logs.printable import printable
 
-__all__ = ["factor_text", "say"]
-
 
 def say(text: object, *, err: bool = False) -> None:
     """Print a line to stdout, or to stderr; control characters in it are shown as `printable` gives them."""
