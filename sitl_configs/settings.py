@@ -32,6 +32,11 @@ def refused(text: str, *key: str | int) -> ValidationError:
     return ValidationError.from_exception_data("settings", [InitErrorDetails(type=kind, loc=key, input={})])
 
 
+def id_as_text(value: object) -> object:
+    """The text of an id that is written as a number; anything else as it is."""
+    return str(value) if type(value) is int else value
+
+
 def models_in(annotation: Any) -> tuple[type[BaseModel], ...]:
     """All models that a type is made of."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):

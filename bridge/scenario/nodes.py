@@ -19,11 +19,11 @@ from bridge.scenario.parts import Finite, Metres, Parameters, Part, RadioSetting
 from bridge.scenario.sensor import RfSensor
 from channel.link.emitters.emission import Emission
 from fdm.model.sensor_noise import SensorNoise
-from sitl_configs.settings import refused
+from sitl_configs.settings import id_as_text, refused
 
 AutopilotName = Literal["standin", "ardupilot", "px4", "external"]
 """Who flies a UA."""
-Word = Annotated[Slug, WithJsonSchema({"type": ["string", "integer"]})]
+Word = Annotated[Slug, BeforeValidator(id_as_text), WithJsonSchema({"type": ["string", "integer"]})]
 """An id that may be written as a number, too."""
 GROUND_HEIGHT_M = 2.0
 MAIN = "main"
@@ -169,11 +169,6 @@ class GroundNode(Part):
     modems: dict[Slug, GroundModem] = Field(default_factory=dict)
     agent: GroundAgentConfig
 
-    @field_validator("id", mode="before")
-    @classmethod
-    def _id_as_text(cls, node_id: object) -> object:
-        return _as_text(node_id)
-
     @model_validator(mode="after")
     def _moves_forward(self) -> GroundNode:
         _check_track(self.place, self.track)
@@ -204,11 +199,6 @@ class EmitterNode(Emission):
     track: tuple[TrackPoint, ...] = ()
     antenna: dict[str, Any] = Field(default_factory=lambda: {"model": "isotropic"})
 
-    @field_validator("id", mode="before")
-    @classmethod
-    def _id_as_text(cls, node_id: object) -> object:
-        return _as_text(node_id)
-
     @model_validator(mode="after")
     def _moves_forward(self) -> EmitterNode:
         _check_track(self.place, self.track)
@@ -218,10 +208,6 @@ class EmitterNode(Emission):
     def node(self) -> str:
         """Its node id."""
         return self.id
-
-
-def _as_text(node_id: object) -> object:
-    return str(node_id) if type(node_id) is int else node_id
 
 
 def _check_track(place: GroundPlace | None, track: tuple[TrackPoint, ...]) -> None:

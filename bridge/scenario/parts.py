@@ -7,7 +7,7 @@ from unicodedata import normalize
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from sitl_configs.settings import Settings
+from sitl_configs.settings import Settings, id_as_text
 
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
@@ -35,7 +35,7 @@ Slug = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=
 
 NodeId = Annotated[
     str,
-    BeforeValidator(lambda value: str(value) if type(value) is int else value),
+    BeforeValidator(id_as_text),
     WithJsonSchema({"type": ["string", "integer"]}),
 ]
 """As other parts of a scenario name a node, whose id may be written as a number."""

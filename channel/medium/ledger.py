@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from channel.checks import ChannelInputError, FloatArray
+from channel.checks import FloatArray
 from channel.link.tables.steps import STEPS_PER_ONE
 from channel.medium.addressees import Addressees
 from channel.medium.bins import Bins
@@ -80,7 +80,6 @@ class Ledger:
 
     Args:
         nodes: names of all nodes, in the order of the medium's.
-        bin_width_m: width of the distance bins.
         causes: of losses that are not the channel's, such as the host's.
         addressees: who packets are for; nodes and everybody unless given.
 
@@ -93,14 +92,10 @@ class Ledger:
     def __init__(
         self,
         nodes: Iterable[str],
-        bin_width_m: float = BIN_WIDTH_M,
         causes: Iterable[str] = (),
         addressees: Addressees | None = None,
     ) -> None:
-        if not bin_width_m > 0.0:
-            raise ChannelInputError("bin_width_m", bin_width_m, "> 0")
         self.nodes = tuple(nodes)
-        self.bin_width_m = bin_width_m
         self.causes = (*(fate.value for fate in FATES), *causes)
         count = len(self.nodes)
         self.sent = np.zeros((count, count), dtype=np.int64)
@@ -142,7 +137,7 @@ class Ledger:
                 arrived[placed],
                 steps[placed],
             )
-        number = np.minimum(np.floor_divide(distance_m, self.bin_width_m), MAX_BINS - 1).astype(np.int64)
+        number = np.minimum(np.floor_divide(distance_m, BIN_WIDTH_M), MAX_BINS - 1).astype(np.int64)
         self._bins.add(link * MAX_BINS + number, np.ones_like(steps), arrived.astype(np.int64), steps)
 
     def lose(self, tx: str, cause: str, count: int = 1, to: str | None = None) -> None:
@@ -210,7 +205,7 @@ class Ledger:
         for begin in range(0, keys.size, BINS_AT_ONCE):
             progress(begin / keys.size)
             part = slice(begin, begin + BINS_AT_ONCE)
-            summaries += self._summaries(link[part], number[part] * self.bin_width_m, counts[:, part])
+            summaries += self._summaries(link[part], number[part] * BIN_WIDTH_M, counts[:, part])
         return summaries
 
     def _by_name(self, link: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -226,7 +221,7 @@ class Ledger:
         sent, delivered, steps = counts
         predicted = np.clip(steps / STEPS_PER_ONE / sent, 0.0, 1.0)
         low, high = binomial_interval(sent, predicted)
-        columns = [edge_m, edge_m + self.bin_width_m, sent, delivered, delivered / sent, predicted, low, high]
+        columns = [edge_m, edge_m + BIN_WIDTH_M, sent, delivered, delivered / sent, predicted, low, high]
         ends = [divmod(each, len(self.nodes)) for each in link.tolist()]
         rows = zip(ends, *(column.tolist() for column in columns), strict=True)
         return [BinSummary(self.nodes[tx], self.nodes[rx], *numbers) for (tx, rx), *numbers in rows]

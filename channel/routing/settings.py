@@ -26,9 +26,11 @@ from channel.routing.mesh.originator import (
 from channel.routing.router import Forwarding, HopRouter
 from channel.routing.static import Static, leads_back
 from channel.variant import Variant
+from sitl_configs.settings import id_as_text
 
 Nodes = Mapping[str, int]
 """The place of each id on the network, in order."""
+NodeId = Annotated[str, BeforeValidator(id_as_text)]
 
 
 class RoutingModel(Variant):
@@ -92,22 +94,12 @@ class StaticRouting(Relaying):
     """Routes that are written down; a packet for one node goes directly where there is none."""
 
     model: Literal["static"] = "static"
-    routes: dict[str, dict[str, str]] = Field(
+    routes: dict[NodeId, dict[NodeId, NodeId]] = Field(
         description='by node and destination the next node, all by their ids: {"0": {gcs: "1"}, "1": {gcs: "2"}}'
     )
     header_bytes: int = Field(
         default=8, ge=0, le=1000, description="that each packet gets: sender, receiver, number, hops"
     )
-
-    @field_validator("routes", mode="before")
-    @classmethod
-    def _ids_as_text(cls, routes: Any) -> Any:
-        if not isinstance(routes, dict):
-            return routes
-        return {
-            _text(node): {_text(to): _text(via) for to, via in by.items()} if isinstance(by, dict) else by
-            for node, by in routes.items()
-        }
 
     @field_validator("routes")
     @classmethod
@@ -189,10 +181,6 @@ class MeshRouting(Relaying):
             self.ogm_priority,
         )
         return Mesh(tuple(nodes), draws, self.forwarding, numbers)
-
-
-def _text(node_id: Any) -> Any:
-    return str(node_id) if type(node_id) is int else node_id
 
 
 def _by_name(value: Any) -> Any:

@@ -65,14 +65,14 @@ def settings_of(overrides: Overrides) -> list[Setting]:
     return [Setting(key, value, f"override {key}={value!r}", folder) for key, value in overrides.items()]
 
 
-def parse_setting(text: str, option: str = "--set", folder: Path = Path()) -> Setting:
+def parse_setting(text: str, folder: Path = Path()) -> Setting:
     """The setting that KEY=VALUE on a command line is; the value is YAML.
 
     Raises:
         ScenarioError: it has no ``=`` or no key, or its value is not YAML.
     """
     key, equals, value = text.partition("=")
-    told_as = f"{option} {text}"
+    told_as = f"--set {text}"
     if not equals or not all(key.split(".")):
         raise ScenarioError(f"{told_as}: has to be KEY=VALUE, as in radio.noise.noise_figure_db=6")
     try:

@@ -7,10 +7,9 @@ disturb each other. Nothing is acknowledged; a sender has a `Reply` of a unicast
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import exp, log
 from statistics import NormalDist
-from types import MappingProxyType
 from typing import Final
 
 from channel.access.agenda import ACTS, SIGNAL_ENDS
@@ -77,7 +76,6 @@ class DelaySettings:
     Attributes:
         delay: of each packet at each of its receivers.
         rate_bps: at which a node's packets enter the network, one after the other.
-        rates_bps: of nodes that have another.
         header_bytes: that each packet gets.
         good_s, bad_s: mean durations of service and of outage of a node, exponential; ``bad_s`` 0: no outage.
         keeps_order: whether a packet arrives no earlier than the one before it from the same sender: where packets
@@ -86,7 +84,6 @@ class DelaySettings:
 
     delay: WayDelay
     rate_bps: float = 10e6
-    rates_bps: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
     header_bytes: int = 0
     good_s: float = 60.0
     bad_s: float = 0.0
@@ -146,7 +143,7 @@ class Delay(AccessMedium):
         max_length_bytes: the longest packet.
 
     Raises:
-        ValueError: a rate of a node that is not there, or one that is not above 0.
+        ValueError: a rate that is not above 0.
     """
 
     def __init__(
@@ -160,14 +157,8 @@ class Delay(AccessMedium):
     ) -> None:
         super().__init__(world, limits or QueueLimits(), max_length_bytes)
         self.settings = settings
-        unknown = set(settings.rates_bps) - set(world.nodes)
-        if unknown:
-            raise ValueError(f"rates of nodes {sorted(unknown)}, which are not on this network")
         self._draws = Draws(seed)
-        self._lines = {
-            node: BitRate(settings.rates_bps.get(node, settings.rate_bps), header_bytes=settings.header_bytes)
-            for node in world.nodes
-        }
+        self._line = BitRate(settings.rate_bps, header_bytes=settings.header_bytes)
         self._outages = {
             node: Outage(WordStream(self._draws, self.ids[node], "outage"), settings.good_s, settings.bad_s)
             for node in world.nodes
@@ -184,7 +175,7 @@ class Delay(AccessMedium):
         if packet is None:
             return
         self._sends.add(node)
-        line, now_ns, number = self._lines[node], self.agenda.now_ns, self._numbers[node]
+        line, now_ns, number = self._line, self.agenda.now_ns, self._numbers[node]
         self._numbers[node] += 1
         ended_ns = now_ns + line.duration_ns(packet.length_bytes)
         length_bytes = packet.length_bytes + line.header_bytes

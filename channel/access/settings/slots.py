@@ -9,13 +9,13 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from channel.access.media.schedule import Schedule, Slot
 from channel.access.timing import NS_PER_S
-from sitl_configs.settings import Settings
+from sitl_configs.settings import Settings, id_as_text
 
 
 def _ids(value: Any) -> Any:
     """One id, or several; YAML reads some as numbers."""
     several = value if isinstance(value, list | tuple) else [value]
-    return tuple(str(each) if isinstance(each, int) else each for each in several)
+    return tuple(map(id_as_text, several))
 
 
 ONE_ID = {"type": ["string", "integer"]}

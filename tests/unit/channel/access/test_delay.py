@@ -147,7 +147,7 @@ def test_one_line_is_an_m_d_1_queue() -> None:
     service_ns, load, count, asked = 12_500_000, 0.5, 40_000, 4000
     rng = np.random.default_rng(5)
     instants = np.cumsum(rng.exponential(service_ns / load, count)).astype(np.int64).tolist()
-    settings = DelaySettings(WayDelay.constant(0), rates_bps={0: 64_000.0})
+    settings = DelaySettings(WayDelay.constant(0), rate_bps=64_000.0)
     medium = Delay(PlainWorld((0, 1)), settings, limits=UNLIMITED)
     for number, at_ns in enumerate(instants[:asked]):
         medium.offer(AirPacket(0, number, 1, 100, at_ns))
@@ -238,8 +238,6 @@ def test_mistakes_are_said() -> None:
         WayDelay(20, 10, 30)
     with pytest.raises(ValueError, match="median and 95 % equal"):
         WayDelay(20, 20, 30)
-    with pytest.raises(ValueError, match=r"rates of nodes \[7\]"):
-        Delay(PlainWorld((0, 1)), DelaySettings(LTE, rates_bps={7: 1e6}))
     with pytest.raises(ValueError, match="service of 0 s"):
         DelaySettings(LTE, good_s=0.0)
     with pytest.raises(ValueError, match="bit rate 0"):
