@@ -278,7 +278,7 @@ def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_pa
     scenario = scenario_of(radio, NODES)
     made = flown(tmp_path / "made", scenario, 20)
     write_provenance(collect({}, named_code(scenario).files), made)
-    same = redecide(made)
+    same = redecide(made, "--json")
     assert (same.exit_code, same.stderr) == (0, "")
     law.write_text(LAW.format(loss_db=150.0))
     told = redecide(made, "--json", "--out", tmp_path / "edited")
@@ -289,7 +289,7 @@ def test_an_edited_model_is_told_and_in_the_provenance_of_what_it_decides(tmp_pa
     decided = read_provenance(tmp_path / "edited")
     assert decided is not None
     assert decided.files == {str(law): file_digest(law)}
-    assert redecide(tmp_path / "edited").stderr == ""
+    assert redecide(tmp_path / "edited", "--json").stderr == ""
     page = CliRunner().invoke(lostlink, ["report", str(made)])
     assert page.stderr.startswith(f"lostlink: {line}: the model's curve is that of today's\n")
 
@@ -299,14 +299,15 @@ def test_presets_of_another_lostlink_than_made_the_record_are_told(tmp_path: Pat
     made = flown(tmp_path / "made", scenario_of("moon2020", NODES), 20)
     here = collect({})
     write_provenance(here, made)
-    assert redecide(made).stderr == ""
+    assert redecide(made, "--json").stderr == ""
     write_provenance(replace(here, git_commit="c" * 40), made)
     told = redecide(made, "--json", "--seed", 7)
     line = f"moon2020: preset as of {here.made_by}; lostlink {here.lostlink} at commit {'c' * 40} made the record"
     assert told.stderr == f"lostlink: {line}\n"
     assert json.loads(told.stdout)["edited"] == [line]
-    assert redecide(made, "--radio", "wifi-2.4").stderr == ""  # asked for, as it is
-    assert redecide(made, "--set", "radio.transmit_power_dbm=17").stderr == f"lostlink: {line}\n"
+    assert redecide(made, "--json", "--radio", "wifi-2.4").stderr == ""  # asked for, as it is
+    louder = redecide(made, "--json", "--set", "radio.transmit_power_dbm=17")
+    assert louder.stderr == f"lostlink: {line}\n"
 
 
 def test_a_run_decided_anew_has_lost_nothing_of_the_run(tmp_path: Path) -> None:
