@@ -49,13 +49,11 @@ def _open_what_is_closed() -> None:
 def _print_all() -> None:
     """Print through a buffer: without one (PYTHONUNBUFFERED) Python drops what a full disk does not take, unsaid."""
     stream = sys.stdout
-    if not isinstance(stream, io.TextIOWrapper) or not isinstance(raw := stream.buffer, io.RawIOBase):
-        return
-    encoding, errors = stream.encoding, stream.errors
-    stream.detach()
-    sys.stdout = sys.__stdout__ = io.TextIOWrapper(  # type: ignore[misc]
-        io.BufferedWriter(raw), encoding, errors, line_buffering=True, write_through=True
-    )
+    if isinstance(stream, io.TextIOWrapper) and isinstance(stream.buffer, io.RawIOBase):
+        raw = io.FileIO(stream.fileno(), "w", closefd=False)
+        sys.stdout = sys.__stdout__ = io.TextIOWrapper(  # type: ignore[misc]
+            io.BufferedWriter(raw), stream.encoding, stream.errors, line_buffering=True
+        )
 
 
 def _print_what_it_can() -> None:
