@@ -22,6 +22,7 @@ from bridge.host.node import Node
 from bridge.host.node_record import NodeRecord
 from bridge.record.events import WHOSE, RunEvent
 from bridge.record.inputs.fields import PACKET_MAX_BYTES, PacketWay
+from bridge.record.on_disk import note_on_disk, part_of
 from bridge.record.ways import whom
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -64,6 +65,7 @@ class HostedNode:
     ) -> None:
         self.id = config.node
         self._config, self._scenario = config, run.scenario
+        self._run, self._part = run.path, part_of(run.scenario, config.node)
         self._loop = asyncio.get_running_loop()
         self._record = record
         self._agent_folder = run.agent_folder(config.node)
@@ -202,7 +204,7 @@ class HostedNode:
         with self._named():
             if is_tick:
                 self.node.tick(sim_time_ns)
-                self._flush_now_and_then()
+                self._flush_now_and_then(sim_time_ns)
             else:
                 self.node.exchange(sim_time_ns)
 
@@ -212,9 +214,10 @@ class HostedNode:
         with self._named():
             self.node.finish()
 
-    def _flush_now_and_then(self) -> None:
+    def _flush_now_and_then(self, sim_time_ns: int) -> None:
         if self._flush.is_due():
             self.flush_record()
+            note_on_disk(self._run, self._part, sim_time_ns)  # its agent may be at work on this tick
 
     def flush_record(self) -> None:
         """Hand what was recorded to the operating system."""

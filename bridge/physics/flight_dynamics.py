@@ -9,6 +9,7 @@ from typing import Protocol
 from bridge.bus.messages import Clock, Header, Truth, Truths
 from bridge.physics.truth_message import clock_message, ground_truth_message, truth_message
 from bridge.record.events import Report
+from bridge.record.on_disk import PHYSICS, note_on_disk
 from bridge.record.tables.truth import TruthWriter
 from bridge.run.directory import RunDirectory
 from bridge.run.every import Every
@@ -81,7 +82,7 @@ class FlownDynamics:
         held: Held,
         autopilots: Sequence[CalledAutopilot] = (),
     ) -> None:
-        self._scenario = run.scenario
+        self._run, self._scenario = run.path, run.scenario
         self._origin = origin_of(self._scenario.origin)
         self._report, self._to = report, held
         self._table = TruthWriter(run.path, self._scenario.stations)
@@ -168,6 +169,7 @@ class FlownDynamics:
         if self._flush.is_due():
             self._table.flush()
             self._report.flush()
+            note_on_disk(self._run, PHYSICS, status.sim_time_ns + 1)
         self._to.tick(clock_message(status), batch)
 
     def _messages(self, tick_ns: int, truths: Sequence[TrueState]) -> tuple[Truth, ...]:

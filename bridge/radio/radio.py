@@ -24,6 +24,7 @@ from bridge.radio.virtual_radio import VirtualRadio
 from bridge.record import names
 from bridge.record.events import AGENT_WARNING, RADIO_BLOCKED, Report, transmits_freely
 from bridge.record.inputs.radio_switches import switches_of
+from bridge.record.on_disk import RADIO, note_on_disk
 from bridge.record.packets import encode_packet
 from bridge.record.streams import StreamWriter
 from bridge.record.tables.deliveries import DeliveryWriter, Gap
@@ -116,6 +117,8 @@ class RecordedRadio:
         """Of each node's packets, the latest tick that was written."""
         self._settled_ns = 0
         """The latest tick, or in the end the one after it, at which packets were given to the medium."""
+        self._written_before_ns = 0
+        """Nothing of earlier instants is to be written any more, but for packets without a fate yet."""
         self._free = free
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
         self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
@@ -258,6 +261,7 @@ class RecordedRadio:
             self._packets[self.core.nodes[packet.tx]].write(at_ns, encode_packet(packet))
         for node in self._free:
             self._packets[node].flush()  # inputs: of a run that is killed they are as whole as those of hosts
+        self._written_before_ns = self._settled_ns + 1
 
     def flush(self) -> None:
         """Hand the record to the operating system."""
@@ -269,6 +273,7 @@ class RecordedRadio:
         for writer in self._packets.values():
             writer.flush()
         self._report.flush()
+        note_on_disk(self._run.path, RADIO, self._written_before_ns)
 
     def finish(self, tell_progress: Callable[[float], object], dropped: int = 0) -> None:
         """Write what is left of the record, however long that takes; after a tick without fates no books.

@@ -17,9 +17,7 @@ from bridge.fleet.autopilots.dirs import NOT_SAID, AutopilotDirs
 from bridge.fleet.course import Ending
 from bridge.fleet.preflight.preflight import preflight
 from bridge.fleet.preflight.slots import ATTEMPTS, at_free_ports
-from bridge.record.tables.deliveries import DELIVERIES
-from bridge.record.tables.every import TABLES
-from bridge.record.tables.schema import Table
+from bridge.record.on_disk import on_disk_before_ns
 from bridge.record.tables.truth import TRUTH
 from bridge.run.directory import RunDirectory
 from bridge.scenario.model import Scenario
@@ -68,6 +66,8 @@ class UaOfFlight(RecordedNode):
     ) -> float:
         """Wait until it is within ``within_m`` of a place; gives when that first was, in s of sim time.
 
+        What is recorded then is as after `FleetFlight.at` of that time.
+
         Args:
             north_m: the place, from the fleet's origin; an axis that is not given does not matter.
             east_m: likewise.
@@ -89,8 +89,7 @@ class UaOfFlight(RecordedNode):
             is_over, recorded_s = self._flight.is_over, self._flight.recorded_s()
             try:
                 found_s = self.reaches(place, within_m, after_s, before_s)
-                self._flight.has_waited_for(found_s)
-                return found_s
+                break
             except AssertionError:
                 if is_over or recorded_s > before_s:
                     raise
@@ -98,6 +97,8 @@ class UaOfFlight(RecordedNode):
                 if is_over:
                     raise
             await asyncio.sleep(LOOK_S)
+        await self._flight.at(found_s)
+        return found_s
 
 
 class FleetFlight:
@@ -169,35 +170,42 @@ class FleetFlight:
         return self._over.is_set()
 
     def recorded_s(self) -> float:
-        """Sim time up to which there is a whole record, s; below 0 before the first tick.
+        """Sim time up to which the record has everything, s; below 0 before the first tick."""
+        if self.is_over:
+            return self._last_tick_s()
+        return (on_disk_before_ns(self.path, self._flight.scenario) - 1) / NS_PER_S
 
-        While it flies, that is where the packets of all its nodes are recorded, too: of a flight without any, nothing
-        is known before its end.
-        """
-        tables = (TRUTH,) if self.is_over else (TRUTH, DELIVERIES)
-        return min(self.last_s(table) for table in tables)
-
-    def last_s(self, table: Table, node: str = "") -> float:
-        """Sim time of the last row of a table, or of a node's part of it, s; below 0 if there is none."""
+    def _last_tick_s(self) -> float:
+        """Sim time of the last tick of which there are true states, s; below 0 if there is none."""
         try:
-            rows = self.record.columns(table.name, (table.tick, table.node))
+            times_ns = self.record.columns(TRUTH.name, [TRUTH.tick])[TRUTH.tick]
         except (OSError, ValueError):  # not begun, or just now becoming Parquet
             return -1.0
-        times_ns = rows[table.tick][rows[table.node] == node] if node else rows[table.tick]
         return float(times_ns[-1]) / NS_PER_S if len(times_ns) else -1.0
 
-    async def at(self, sim_time_s: float) -> None:
-        """Wait until the true states and the packets of the flight have been recorded up to ``sim_time_s``.
-
-        What agents log, sensors' readings and MAVLink may be there to an earlier time until it has ended.
+    async def begin(self) -> None:
+        """Wait until true states of its first tick have been recorded.
 
         Raises:
             AssertionError: it ended before that; the text says how.
         """
+        await self._until(0.0, self._last_tick_s)
+
+    async def at(self, sim_time_s: float) -> None:
+        """Wait until all tables and streams of the record have everything up to ``sim_time_s``.
+
+        What they have of later times hangs on the machine. A packet without a fate yet has no row.
+
+        Raises:
+            AssertionError: it ended before that; the text says how.
+        """
+        await self._until(sim_time_s, self.recorded_s)
+        self.has_waited_for(sim_time_s)
+
+    async def _until(self, sim_time_s: float, found_s: Callable[[], float]) -> None:
         while True:
             is_over = self.is_over
-            if self.recorded_s() >= sim_time_s:
-                self.has_waited_for(sim_time_s)
+            if found_s() >= sim_time_s:
                 return
             if is_over:
                 raise AssertionError(self._ended(sim_time_s))
@@ -222,10 +230,9 @@ class FleetFlight:
         """The test has waited until then."""
         self.end_s = max(self.end_s, sim_time_s)
 
-    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
-        """Wait until a table, or a node's part of it, goes up to ``sim_time_s``, or the flight is over."""
-        wanted = next(each for each in TABLES if each.name == table)
-        while not self.is_over and self.last_s(wanted, node) < sim_time_s:
+    def reach(self, sim_time_s: float) -> None:
+        """Wait until the record goes up to ``sim_time_s``, or the flight is over."""
+        while not self.is_over and self.recorded_s() < sim_time_s:
             time.sleep(LOOK_S)
         self.has_waited_for(sim_time_s)
 
@@ -377,7 +384,7 @@ class Flights:
         flight = await asyncio.to_thread(
             self.start, scenario, seed=seed, duration_s=duration_s, autopilot=autopilot, changes=changes
         )
-        await flight.at(0.0)
+        await flight.begin()
         return flight
 
     def fly(self, scenario: ScenarioLike, **given: Any) -> FleetFlight:

@@ -57,8 +57,8 @@ class Recorded(Protocol):
     def end_s(self) -> float:
         """Sim time at which answers end that name no end."""
 
-    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
-        """Wait until a table, or a node's part of it, goes so far, or no further."""
+    def reach(self, sim_time_s: float) -> None:
+        """Wait until it goes so far, or no further."""
 
     def ended_before(self, sim_time_s: float, /) -> str:
         """How the flight ended, if that was before a sim time; empty if it was not."""
@@ -72,7 +72,7 @@ class Whole:
 
     end_s = np.inf
 
-    def reach(self, sim_time_s: float, table: str, node: str = "") -> None:
+    def reach(self, sim_time_s: float) -> None:
         """It goes as far as it goes."""
 
     def ended_before(self, _: float) -> str:
@@ -114,7 +114,7 @@ class RecordedNode:
         Of a flight that goes on, as far as the test has waited for it.
         """
         end_s = self._extent.end_s
-        self._extent.reach(end_s, "truth")
+        self._extent.reach(end_s)
         times_s, places = self._track(self._extent.columns(self._run, "truth", _TRACK))
         return times_s[times_s <= end_s], places[times_s <= end_s]
 
@@ -128,7 +128,7 @@ class RecordedNode:
         Raises:
             ValueError: it was not there yet, or no longer: nothing is recorded of it after some tick before that.
         """
-        self._extent.reach(sim_time_s, "truth")
+        self._extent.reach(sim_time_s)
         times_s, places = self._track(self._extent.columns(self._run, "truth", _TRACK))
         found: NDArray[np.float64] = places[self._row(times_s, sim_time_s)]
         return found
@@ -156,10 +156,9 @@ class RecordedNode:
         Raises:
             ValueError: it had not said anything yet; or as of `position_ned_m`.
         """
-        self._extent.reach(sim_time_s, "truth")
+        self._extent.reach(sim_time_s)
         times_s, _ = self._track(self._extent.columns(self._run, "truth", _TRACK))
         self._row(times_s, sim_time_s)
-        self._extent.reach(sim_time_s, "states", self.node)  # written at a pace of its own
         states = self._extent.columns(self._run, "states")
         rows = np.flatnonzero(
             (states["node"] == self.node) & (states["tick_ns"] <= sim_time_s * NS_PER_S + 1)
@@ -246,7 +245,7 @@ class RecordedLink:
         """
         is_given = np.isfinite(to_s)
         to_s = to_s if is_given else min(to_s, self._extent.end_s)
-        self._extent.reach(to_s, "deliveries")
+        self._extent.reach(to_s)
         ended = self._extent.ended_before(to_s) if is_given else ""
         if ended:
             raise AssertionError(ended)
@@ -255,7 +254,6 @@ class RecordedLink:
         sent_s = rows["sim_time_ns"] / NS_PER_S
         ours &= (sent_s >= from_s) & (sent_s < to_s)
         if min_m > 0.0 or max_m < np.inf:
-            self._extent.reach(to_s, "truth")
             distance_m = self._distance_m({name: column[ours] for name, column in rows.items()})
             ours[ours] = (distance_m >= min_m) & (distance_m < max_m)
         return {name: column[ours] for name, column in rows.items()}

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from bridge.record.tables.schema import TableError
-from bridge.record.tables.states import STATES
 from lostlink.reading.run import load_run
 from lostlink.testing.flight import FleetFlight, UaOfFlight
 from lostlink.testing.views import _PLACE, Place, RecordedLink, RecordedNode
@@ -90,12 +89,12 @@ class MadeFlight(FleetFlight):
     def record(self):
         return self.made
 
-    def last_s(self, table, node=""):
-        return 0.0
+    def recorded_s(self):
+        return 10.0
 
 
 class Growing(MadeFlight):
-    """A flight whose record grows by a second at each look; states lag behind; it is over after ten."""
+    """A flight whose record grows by a second at each look; it is over after ten."""
 
     def __init__(self):
         super().__init__(Made())
@@ -108,9 +107,9 @@ class Growing(MadeFlight):
     @is_over.setter
     def is_over(self, value): ...
 
-    def last_s(self, table, node=""):
+    def recorded_s(self):
         self.looks += 1
-        return min(float(self.looks), 10.0) - (3.0 if (table, node) == (STATES, "1") else 0.0)
+        return min(float(self.looks), 10.0)
 
 
 def test_a_record_that_cannot_be_read_yet_is_waited_for():
@@ -198,13 +197,6 @@ def test_what_is_asked_of_after_the_end_of_a_flight_is_told_how_it_ended(monkeyp
     with pytest.raises(AssertionError, match=r"at 10\.00 s; the flight ended at 10\.00 s: failed; the agent"):
         asyncio.run(flight.ua("1").at(north_m=200.0))
     assert flight.link("0", "1").delivery(to_s=10.4) == 0.5, "its last tick holds until 10.5 s"
-
-
-def test_a_state_waits_for_the_states_of_its_node(monkeypatch):
-    monkeypatch.setattr("lostlink.testing.flight.LOOK_S", 0.0)
-    flight = Growing()
-    assert flight.ua("1").state(3.2)["tick_ns"] == 3_000_000_000
-    assert flight.looks == 7, "3 s behind the truth"
 
 
 def test_what_a_link_delivered_by_time_and_distance():
