@@ -22,7 +22,7 @@ from bridge.record.provenance import Provenance, read_provenance, version_noted
 from bridge.record.streams import Entry, entries_of
 from bridge.record.tables.deliveries import DELIVERIES
 from bridge.record.tables.every import TABLES
-from bridge.record.tables.logged import LOGGED_FILE
+from bridge.record.tables.logged import LOGGED_FILE, read_logged
 from bridge.record.tables.measurements import MEASUREMENTS
 from bridge.record.tables.reader import read_arrow, read_columns
 from bridge.record.tables.routes import ROUTES
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _BY_NAME = {table.name: table for table in TABLES}
+LOGGED = names.Kind.LOGGED.value
+"""The table that is made of streams."""
 
 
 class NoRun(ValueError):
@@ -270,22 +272,33 @@ class Run:
         """Columns of a table as numpy arrays, without pandas; names as text.
 
         Args:
-            table: ``truth``, ``states``, ``measurements``, ``deliveries`` or ``routes``.
+            table: ``truth``, ``states``, ``measurements``, ``deliveries``, ``routes`` or ``logged``.
             columns: which; all of them unless given.
 
         Raises:
             ValueError: there is no such table or column, or it is damaged.
             OSError: it cannot be read.
         """
+        if table == LOGGED:
+            found = self.table(table, columns)
+            return {name: found.column(name).to_numpy() for name in found.column_names}
         chosen = _table(table)
         with version_noted(self.path):
             return read_columns(self.path, chosen, columns)
 
     def table(self, table: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table as Arrow; arguments and errors as of `columns`."""
+        if table == LOGGED:
+            with version_noted(self.path):
+                return self._logged_table(columns)
         chosen = _table(table)
         with version_noted(self.path):
             return read_arrow(self.path, chosen, columns)
+
+    def _logged_table(self, columns: Sequence[str] | None) -> pa.Table:
+        if not (self.path / LOGGED_FILE).exists():
+            self._check_there(names.Kind.LOGGED)
+        return read_logged(self.path, columns)
 
     def transmitted(self, node: str) -> Iterator[SentPacket]:
         """The packets that ``node`` gave to the radio, with their payloads; none if it has no such stream.
@@ -342,5 +355,5 @@ class Run:
 
 def _table(name: str) -> Table:
     if name not in _BY_NAME:
-        raise ValueError(f"no table {name!r}; there are {', '.join(_BY_NAME)}")
+        raise ValueError(f"no table {name!r}; there are {', '.join((*_BY_NAME, LOGGED))}")
     return _BY_NAME[name]

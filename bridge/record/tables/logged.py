@@ -9,16 +9,20 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from bridge.record.logged import LoggedValue, kind_of, logged_of
 from bridge.record.names import Kind, streams_of
 from bridge.record.tables.columns import name_type, names, numbers, texts
+from bridge.record.tables.schema import TableError
 from bridge.run.whole_file import whole_file
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 LOGGED_FILE: Final = "logged.parquet"
 ROWS_AT_ONCE: Final = 1 << 16
@@ -96,8 +100,50 @@ def write_logged(run: Path) -> None:
     first = next(rows, None)
     if path.exists() or first is None:
         return
+    import pyarrow.parquet as pq
+
+    with (
+        whole_file(path) as partial,
+        pq.ParquetWriter(partial, _schema(), compression="zstd") as writer,
+    ):
+        for batch in _batches(chain([first], rows)):
+            writer.write_batch(batch)
+
+
+def read_logged(run: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """The table, whole, as Arrow has it: its file or, without one, what its streams have so far.
+
+    Args:
+        run: the run directory.
+        columns: names of columns; all of them unless given.
+
+    Raises:
+        TableError: there is no such column, or the file is damaged.
+        ValueError: a stream is damaged.
+        OSError: a file cannot be read.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
+
+    path, chosen = run / LOGGED_FILE, list(LoggedRow._fields if columns is None else columns)
+    unknown = [name for name in chosen if name not in LoggedRow._fields]
+    if unknown:
+        raise TableError(
+            f"logged has no column {', '.join(unknown)}; there are {', '.join(LoggedRow._fields)}"
+        )
+    if path.exists():
+        with path.open("rb") as source:
+            try:
+                found = pq.ParquetFile(source).read(chosen).select(chosen)
+            except (pa.ArrowException, KeyError, OSError) as error:
+                raise TableError(f"{path}: damaged: {error}") from error
+    else:
+        found = pa.Table.from_batches(_batches(logged_rows(run)), _schema()).select(chosen)
+    return found.unify_dictionaries().combine_chunks()
+
+
+def _schema() -> pa.Schema:
+    import pyarrow as pa
 
     types = (
         pa.int64(),
@@ -109,12 +155,14 @@ def write_logged(run: Path) -> None:
         pa.float64(),
         pa.string(),
     )
-    schema = pa.schema(list(zip(LoggedRow._fields, types, strict=True)))
-    with whole_file(path) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
-        part = [first, *islice(rows, ROWS_AT_ONCE - 1)]
-        while part:
-            writer.write_batch(pa.record_batch(_columns(part), schema=schema))
-            part = list(islice(rows, ROWS_AT_ONCE))
+    return pa.schema(list(zip(LoggedRow._fields, types, strict=True)))
+
+
+def _batches(rows: Iterator[LoggedRow]) -> Iterator[pa.RecordBatch]:
+    import pyarrow as pa
+
+    while part := list(islice(rows, ROWS_AT_ONCE)):
+        yield pa.record_batch(_columns(part), schema=_schema())
 
 
 def _columns(rows: Sequence[LoggedRow]) -> list[Any]:

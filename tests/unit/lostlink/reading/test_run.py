@@ -141,12 +141,40 @@ def test_the_page_on_python_has_all_frames_and_tables() -> None:
     ]
     assert {"truth", "packets", "agent_values"} <= set(frames)
     assert [name for name in frames if not re.search(rf"`run\.{name}\b", page)] == []
-    listed = page.partition("Tables are ")[2].partition(".")[0]
-    assert set(re.findall("`([a-z]+)`", listed)) == {table.name for table in TABLES}
+    listed = page.partition("Tables are ")[2].partition(":\n")[0]
+    assert set(re.findall("`([a-z]+)`", listed)) == {*(table.name for table in TABLES), "logged"}
 
 
 def log(made: RunContent) -> None:
     made.streams[logged("0")] = [Entry(0, encode_logged(LoggedValue("plan", {"to_m": 2, "late": True})))]
+
+
+def test_what_agents_logged_is_a_table_too(tmp_path: Path) -> None:
+    done, killed = (
+        Run(make_run(tmp_path / name, log, is_finished=name == "done")) for name in ("done", "killed")
+    )
+    assert [(run.path / "logged.parquet").exists() for run in (done, killed)] == [True, False]
+    for run in (done, killed):
+        (run.path / SCENARIO_FILE).write_text(read_scenario("separation").to_yaml(), encoding="utf-8")
+        assert run.table("logged", ["node", "key", "kind", "value"]).to_pylist() == [
+            {"node": "0", "key": "to_m", "kind": "number", "value": 2.0},
+            {"node": "0", "key": "late", "kind": "bool", "value": 1.0},
+        ]
+        columns = run.columns("logged", ["key", "tick_ns", "kind"])
+        assert {name: column.tolist() for name, column in columns.items()} == {
+            "key": ["to_m", "late"],
+            "tick_ns": [0, 0],
+            "kind": ["number", "bool"],
+        }
+        with pytest.raises(TableError, match="logged has no column speed; there are tick_ns, node, name"):
+            run.table("logged", ["speed"])
+    assert done.table("logged").schema == killed.table("logged").schema
+    assert load_run(write(tmp_path / "silent")).columns("logged")["node"].tolist() == []
+    shutil.rmtree(done.path / "streams")
+    assert done.columns("logged", ["key"])["key"].tolist() == ["to_m", "late"]
+    (done.path / "logged.parquet").write_bytes(b"PAR1 no more")
+    with pytest.raises(TableError, match=r"logged\.parquet: damaged"):
+        done.table("logged")
 
 
 def test_what_a_record_has_lost_is_not_taken_for_nothing(tmp_path: Path) -> None:
