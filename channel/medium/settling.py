@@ -62,6 +62,7 @@ class Settling:
     ) -> None:
         self._draws = draws
         self._tracks = tracks
+        self._judge = judge
         self._kinds: list[Radio] = []
         self._kind = np.array([self._kind_of(radio) for radio in radios], dtype=np.intp)
         quietest_dbm = min((radio.noise_floor_dbm for radio in radios), default=0.0)
@@ -165,6 +166,8 @@ class Settling:
     ) -> SettledLinks:
         """Return what becomes of links, those between each two kinds of radios together."""
         links, lengths = self._placed(packets, packet, rx), Lengths.of(counted, packet)
+        if self._judge is not None:
+            self._judge.begin(links)
         if len(self._pairs) == 1:
             return self._pairs[0].settled(links, lengths)
         out = blank(rx.size)

@@ -79,6 +79,10 @@ class Judge:
         self._off_noise = 0
         self._powers = _Powers(nodes, seed)
 
+    def begin(self, links: LinksOfPass) -> None:
+        """Take note of all links of a pass: which end of a pair was the first to send, whatever their radios."""
+        self._powers.begin(links)
+
     def take(
         self,
         radio: Radio,
@@ -294,12 +298,14 @@ class _Powers:
         self._off = self._exact = 0
         self._asked = False
 
-    def take(self, radio: Radio, links: LinksOfPass, mean_dbm: FloatArray, power_dbm: FloatArray) -> None:
-        if not self._is_asked(radio, mean_dbm, power_dbm):
-            return
+    def begin(self, links: LinksOfPass) -> None:
         number = self._numbers(links)
         if self._are_new(number):
             self._begin(links.tx, number, np.lexsort((links.tx, links.sim_time_ns)))
+
+    def take(self, radio: Radio, links: LinksOfPass, mean_dbm: FloatArray, power_dbm: FloatArray) -> None:
+        if not self._is_asked(radio, mean_dbm, power_dbm):
+            return
         for row in np.flatnonzero(self._due(links)).tolist():
             self._look(radio, links, row, mean_dbm, power_dbm)
 

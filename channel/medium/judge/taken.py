@@ -38,6 +38,9 @@ class Taken(NamedTuple):
 class Witness(Protocol):
     """Who takes in what is drawn."""
 
+    def begin(self, links: LinksOfPass) -> None:
+        """Take note of all links of a pass, before what is drawn on those of each two kinds of radios."""
+
     def take(
         self,
         radio: Radio,
@@ -58,6 +61,9 @@ class Notebook:
 
     def __init__(self) -> None:
         self._taken: list[Taken] = []
+
+    def begin(self, links: LinksOfPass) -> None:
+        """Note nothing: what is drawn has its links beside it."""
 
     def take(
         self,

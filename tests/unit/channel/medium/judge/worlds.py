@@ -81,6 +81,7 @@ class World:
         links = LinksOfPass(packets, np.arange(n), packets.tx, packets.tx + 1, path, path.distance_m)
         snr_db = np.rint((power_dbm - noise_dbm) * 1e3) / 1e3
         signal = Signal(path.distance_m, power_dbm, snr_db, np.zeros(n))
+        judge.begin(links)
         judge.take(radio, links, mean_dbm, noise_dbm, signal, np.zeros(n, dtype=bool))
 
     def _gain_db(self, radio, path, time_s, rng):
