@@ -14,8 +14,8 @@ from sitl_configs.near import meant, near_miss
 from sitl_configs.settings import models_in
 
 NO_EXAMPLES: Final[Mapping[str, str]] = MappingProxyType({})
-EXTRA = "extra_forbidden"
-"""What pydantic calls a key that is not there."""
+UNKNOWN = ("extra_forbidden", "invalid_key")
+"""What pydantic calls a key that is not there, and one that is no text."""
 WORDS = {
     r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "letters, digits, '_', '.' and '-', the first a letter or digit",
     r"^.+:[^\s:]+$": "FILE.py:NAME or package.module:NAME",
@@ -49,13 +49,13 @@ def mistakes_in(
         examples: what keys could be, as ``id: 0``, by their names.
     """
     items = [
-        (item, spot_of(model, item["loc"], is_extra=item["type"] == EXTRA))
+        (item, spot_of(model, item["loc"], is_extra=item["type"] in UNKNOWN))
         for item in error.errors(include_url=False)
     ]
     misspelt = {
         (*spot.path[:-1], meant(str(spot.path[-1]), allowed_keys(spot.parents)))
         for item, spot in items
-        if item["type"] == EXTRA
+        if item["type"] in UNKNOWN
     }
     texts: dict[Key, list[str]] = {}
     for item, spot in items:
@@ -85,7 +85,7 @@ def _in_one(texts: list[str]) -> list[str]:
 def _problem(item: Any, spot: ErrorSpot, examples: Mapping[str, str]) -> str:
     kind, value, key = item["type"], item["input"], spot.path[-1] if spot.path else ""
     example = examples.get(str(key))
-    if kind == EXTRA:
+    if kind in UNKNOWN:
         return _unknown_key(str(key), spot)
     if kind == "missing" and isinstance(key, int):
         return "is missing: the list has to have more values"

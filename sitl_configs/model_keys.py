@@ -52,7 +52,7 @@ def spot_of(root: type[BaseModel], loc: Sequence[str | int], *, is_extra: bool =
             names -= 1
         elif len(here) > 1 and (branch := _branch(here, step)) is not None:
             here = parents = branch  # also if one of them has a key of that name
-        elif isinstance(step, int):
+        elif isinstance(step, int) and not is_key:
             path.append(step)
         elif inner is not None:
             path.append(step)

@@ -84,7 +84,7 @@ RadioOutages = Annotated[tuple[RadioOutage, ...], AfterValidator(_in_order)]
 
 def _no_word(value: object) -> object:
     if isinstance(value, str):
-        raise ValueError("has to be a whole number; only a node with kind: ground has a word for its id")
+        raise ValueError("has to be a whole number; a word is the id of a node with kind: ground or emitter")
     return value
 
 

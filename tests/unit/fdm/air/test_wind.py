@@ -192,6 +192,11 @@ def test_turbulence_is_keyed_by_seed_and_ua():
     [
         ("constant: {up_mps: 3}", r"mine.yaml:1: constant\.speed_mps: is required, and missing"),
         ("constant: {speed_mps: 3, fro_deg: 9}", "unknown key; did you mean from_deg"),
+        ("{3: 4}", r"mine.yaml:1: 3: unknown key; allowed here: description, constant, "),
+        (
+            "constant: {speed_mps: 3, 4: 5}",
+            r"mine.yaml:1: constant\.4: unknown key; allowed here: speed_mps, from_deg, up_mps",
+        ),
         ("constant: {speed_mps: true}", r"mine.yaml:1: constant\.speed_mps: has to be a number \(got true\)"),
         ("turbulence: {}", "either level or w20_mps"),
         ("gusts: [{speed_mps: 1, start_s: 0, every_s: 1}]", "shorter than the gust"),

@@ -163,7 +163,13 @@ def test_the_scenario_that_is_made_wrong_is_right() -> None:
             "as in agent: {type: hold, altitude_m: 40}",
         ),
         ("  - id: 1", "  - id: 0", 14, "nodes.1.id", "id 0 is used more than once, first at mine.yaml:10"),
-        ("  - id: 1", "  - id: gcs", 14, "nodes.1.id", "only a node with kind: ground has a word for its id"),
+        (
+            "  - id: 1",
+            "  - id: gcs",
+            14,
+            "nodes.1.id",
+            "has to be a whole number; a word is the id of a node with kind: ground or emitter (got 'gcs')",
+        ),
         (
             "  - id: 1",
             "  - kind: drone\n    id: 1",
