@@ -19,6 +19,7 @@ from channel.own.methods import OwnModelError
 from channel.validity import OutsideValidityError
 from lostlink.flight.summary import networks_of_bins, of_transmissions, shares_draws
 from lostlink.reading.lengths import recorded_payload_bytes
+from lostlink.reading.network_names import are_named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +86,7 @@ def draw_probability_of_delivery(
         radio_name = radio_name.get("preset", "own radio")
     name = Path(radio_name).stem if radio_name.endswith(YAML) else radio_name
     networks = networks_of_bins(summary["bins"])
-    name = name if len(networks) <= 1 else ", ".join(networks)
+    name = ", ".join(networks) if are_named(networks) else name
     how = "packets share shadowing or fading" if shares_draws(summary["bins"]) else "99 % binomial intervals"
     what = "first transmissions" if of_transmissions(summary["bins"]) else "measured"
     title = f"{summary['scenario']}: {name}, seed {summary['seed']} ({what}; {how})"
@@ -108,7 +109,7 @@ def draw_measured(axes: Axes, bins: list[dict[str, Any]], spread_color: str = "t
     Of several radio networks each has its own.
     """
     networks = networks_of_bins(bins)
-    of = {name: f", {name}" if len(networks) > 1 else "" for name in networks}
+    of = {name: f", {name}" if are_named(networks) else "" for name in networks}
     links = sorted({(name, row["tx"], row["rx"]) for name, rows in networks.items() for row in rows})
     if len(links) <= LINKS_MAX:
         for index, (name, tx, rx) in enumerate(links):

@@ -12,6 +12,7 @@ from channel.medium.reception import Fate
 from lostlink.expectations.judge import Judgement
 from lostlink.flight.exits import RunOutcome
 from lostlink.reading.named import named
+from lostlink.reading.network_names import are_named
 
 UNJUDGED = {"interrupted": RunOutcome.INTERRUPTED, "failed": RunOutcome.BROKE_OFF}
 """By ending: outcomes of runs that say nothing of the model."""
@@ -108,7 +109,7 @@ def _counts(links: Sequence[dict[str, Any]], outcome: RunOutcome) -> str:
     if not links and outcome in UNJUDGED.values():
         return "no link was recorded"
     networks = dict.fromkeys(link["radio"] for link in links)
-    if len(networks) <= 1:
+    if not are_named(networks):
         return _delivered(links)
     return "; ".join(
         f"{name}: {_delivered([each for each in links if each['radio'] == name])}" for name in networks

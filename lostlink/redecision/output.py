@@ -10,6 +10,7 @@ from rich.table import Table
 
 from bridge.radio.ledger_file import judged_in
 from lostlink.flight.verdict import RunVerdict, verdict_of
+from lostlink.reading.network_names import are_named
 from lostlink.reading.spans import spans_of
 from lostlink.redecision.comparison import BinChange, DecisionComparison, LinkChange
 from lostlink.redecision.redecide import Redecision
@@ -53,7 +54,7 @@ def tables(comparison: DecisionComparison) -> Iterator[Table]:
     yield _links_table(comparison.links)
     radios = list(dict.fromkeys(row.radio for row in comparison.bins))
     for radio in radios:
-        title = "Share delivered by distance, all links" + (f" of {radio}" if len(radios) > 1 else "")
+        title = "Share delivered by distance, all links" + (f" of {radio}" if are_named(radios) else "")
         yield _bins_table([row for row in comparison.bins if row.radio == radio], title)
 
 
@@ -88,9 +89,9 @@ def _links_table(links: Sequence[LinkChange]) -> Table:
         *("link", "sent", "before", "after", "lost before", "lost after"),
         *("mean delay before, ms", "mean delay after, ms"),
     )
-    is_only = len({link.radio for link in links}) == 1
+    has_names = are_named(link.radio for link in links)
     for link in links[:LINKS_SHOWN_MAX]:
-        network = "" if is_only else f"{link.radio}: "
+        network = f"{link.radio}: " if has_names else ""
         table.add_row(*_link_row(f"{network}{link.tx} -> {link.rx}", [link]))
     if len(links) > LINKS_SHOWN_MAX:
         table.add_row(*_link_row(f"{len(links) - LINKS_SHOWN_MAX} more", links[LINKS_SHOWN_MAX:]))

@@ -17,6 +17,7 @@ from lostlink.flight.summary import (
     shares_draws,
 )
 from lostlink.reading.named import named
+from lostlink.reading.network_names import are_named
 from lostlink.reading.spans import spans_of
 
 LINKS_MAX = 3
@@ -31,7 +32,7 @@ def bins_tables(summary: dict[str, Any]) -> Iterator[Table]:
     """
     networks = networks_of_bins(summary["bins"])
     for network, bins in networks.items():
-        yield _table(bins, f"{network}: " if len(networks) > 1 else "")
+        yield _table(bins, f"{network}: " if are_named(networks) else "")
 
 
 def _table(bins: list[dict[str, Any]], network: str) -> Table:

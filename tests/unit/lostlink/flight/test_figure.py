@@ -88,6 +88,15 @@ def test_links_of_several_networks_are_drawn_apart(nodes: int, drawn: list[Figur
     assert "main, telemetry" in drawn[0].axes[0].get_title()
 
 
+def test_the_only_network_that_carried_packets_is_named_where_it_is_not_the_main_one(
+    drawn: list[Figure], tmp_path: Path
+) -> None:
+    bins = [row | {"radio": "telemetry"} for row in summary_of(2)["bins"]]
+    draw_probability_of_delivery(summary_of(2) | {"bins": bins}, None, tmp_path / "figure.png")
+    assert legend_of(drawn[0]) == ["0 to 1, telemetry", "1 to 0, telemetry"]
+    assert ": telemetry, seed" in drawn[0].axes[0].get_title()
+
+
 def test_a_long_title_is_not_cut(drawn: list[Figure], tmp_path: Path) -> None:
     summary = summary_of(2)
     bins = [

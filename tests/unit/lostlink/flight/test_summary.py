@@ -255,6 +255,7 @@ def test_each_network_has_a_table_of_its_own(tmp_path: Path) -> None:
     assert "0-20 100 100 1.000" in main
     assert "no intervals" in telemetry
     assert "0-20 50 20 0.400" in telemetry
+    assert shown(summary_of(tmp_path, bins[1:])).startswith("telemetry: Probability of delivery")
 
 
 def test_intervals_of_independent_packets_are_not_held_against_those_that_share_their_draws(

@@ -79,6 +79,7 @@ def test_packets_are_told_of_each_network() -> None:
         "interrupted: main: 25 of 50 packets delivered; tele: 0 of 20 packets delivered, "
         "8 too weak for their receivers to lock on to (below_preamble)"
     )
+    assert verdict_of([], tele[:1], "interrupted").text.startswith("interrupted: tele: 0 of 10 packets")
 
 
 def test_of_many_that_had_not_finished_the_first_are_named() -> None:
