@@ -51,7 +51,7 @@ def remove_stale(directory: Path) -> None:
     """
     with _alone_in(directory):
         for path in directory.glob(f"*{SUFFIX}"):
-            if _is_stale(path):
+            if path.is_socket() and _is_stale(path):
                 path.unlink(missing_ok=True)
 
 

@@ -103,6 +103,8 @@ def test_sockets_of_killed_daemons_are_removed():
 async def test_the_next_daemon_removes_them_and_leaves_those_of_others(autopilot):
     stale, begins = status_directory() / "6760.sock", status_directory() / "6770.sock"
     config = DaemonConfig(autopilot=f"tcp:127.0.0.1:{autopilot.port}", sysid=2)
+    somebodys = status_directory() / "my.sock"
+    somebodys.mkdir()
     with socket.socket(socket.AF_UNIX) as killed, socket.socket(socket.AF_UNIX) as starting:
         killed.bind(str(stale))
         starting.bind(str(begins))  # and does not listen yet
@@ -110,6 +112,7 @@ async def test_the_next_daemon_removes_them_and_leaves_those_of_others(autopilot
         async with Daemon(config) as daemon:
             assert not stale.exists()
             assert begins.exists()
+            assert somebodys.is_dir()
             assert [answer["name"] for answer in await asked()] == [str(daemon.listen_port)]
             assert begins.exists()
 
