@@ -128,6 +128,10 @@ class HeardWorld:
         """As in the world (`channel.access.world.Switched`)."""
         return self._world.is_off(node, at_ns)
 
+    def are_apart(self, node: int, other: int, at_ns: int) -> bool:
+        """As in the world (`channel.access.world.Parted`)."""
+        return self._world.are_apart(node, other, at_ns)
+
     def samples_noise(self, node: int, at_ns: int, energy_mw: float) -> None:
         """A node's radio might transmit: it measures noise and signals (`channel.access.world.Metering`)."""
         taken_mw = self._world.noise_mw(node, at_ns) + energy_mw

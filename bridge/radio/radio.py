@@ -121,7 +121,13 @@ class RecordedRadio:
         """Nothing of earlier instants is to be written any more, but for packets without a fate yet."""
         self._free = free
         names_of_routed = [each.name for each in self._channels if each.routing is not None]
-        self._writer = DeliveryWriter(run.path, nodes, self.core.words, routed=bool(names_of_routed))
+        self._writer = DeliveryWriter(
+            run.path,
+            nodes,
+            self.core.words,
+            routed=bool(names_of_routed),
+            parted=bool(scenario.partitions),
+        )
         self._routes = RouteWriter(run.path, nodes, names_of_routed) if names_of_routed else None
         self._sensors = SensorsOfRun.of(
             run, sensors_of(scenario), emitters_of(scenario), self._channels[0].medium

@@ -27,6 +27,7 @@ from bridge.scenario.nodes import (
     NodeConfig,
     Transceiver,
 )
+from bridge.scenario.partitions import PartitionSetting
 from bridge.scenario.parts import (
     RESERVED_ID,
     Parameters,
@@ -100,6 +101,7 @@ class Scenario(Part):
         origin: zero of the fleet's north-east-down frame.
         radio: of the network `main`: a preset, a file, or a mapping with `preset` and what differs.
         networks: further radio networks, each with the radio of its nodes, by the name that their radios have.
+        partitions: groups of nodes that do not hear each other for a while, on any network.
         wind: a wind that ships, a file, or a mapping.
         weather: temperature and pressure.
         transmit: what agents give to the radio.
@@ -130,6 +132,7 @@ class Scenario(Part):
     origin: Origin
     radio: RadioSetting
     networks: dict[Slug, RadioSetting] = Field(default_factory=dict)
+    partitions: tuple[PartitionSetting, ...] = ()
     wind: WindSetting = "calm"
     weather: WeatherConfig = WeatherConfig()
     transmit: Transmit = Transmit()
@@ -218,6 +221,12 @@ class Scenario(Part):
         for name in self.networks:
             if len(self.nodes_on(name)) < min(2, len(self.transceivers)):
                 raise refused("fewer than two nodes are on it: nobody would hear anybody", "networks", name)
+        return self
+
+    @model_validator(mode="after")
+    def _partitions_are_of_nodes(self) -> Self:
+        for index, partition in enumerate(self.partitions):
+            partition.check(self._members, index)
         return self
 
     @model_validator(mode="after")
@@ -350,6 +359,15 @@ class Scenario(Part):
         """Ids of the members of each group that are on a radio network."""
         nodes = self.nodes_on(network)
         return {group: tuple(node.node for node in nodes if group in node.groups) for group in self.groups}
+
+    @property
+    def _members(self) -> dict[str, tuple[str, ...]]:
+        """Ids of nodes, by what partitions name them by: each by its own id, and by groups that it is in."""
+        return {node: (node,) for node in self.transceiver_ids} | self.groups_on(MAIN)
+
+    def nodes_apart(self, partition: PartitionSetting) -> tuple[tuple[str, ...], ...]:
+        """Ids of the nodes of each group of a partition."""
+        return partition.nodes(self._members)
 
     def reach_of(self, node_id: str) -> dict[str, tuple[str, ...]]:
         """The radios of a node by name, and for each the ids of all nodes on its network, and the groups there."""

@@ -39,21 +39,25 @@ class HomePlace(Part):
     heading_deg: Finite = 0.0
 
 
-class RadioOutage(Part):
-    """The radio is off from an instant of sim time on, until another one; without that, to the end of the run."""
+class Span(Part):
+    """From an instant of sim time on, until another one; without that, to the end of the run."""
 
     from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
     to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S)] = None
 
     @property
     def from_ns(self) -> int:
-        """When it goes off, ns of sim time."""
+        """When it begins, ns of sim time."""
         return round(self.from_s * 1e9)
 
     @property
     def to_ns(self) -> int | None:
-        """When it is on again, ns of sim time; None: not any more."""
+        """When it is over, ns of sim time; None: not during the run."""
         return None if self.to_s is None else round(self.to_s * 1e9)
+
+
+class RadioOutage(Span):
+    """The radio is off from an instant of sim time on, until another one; without that, to the end of the run."""
 
 
 def _in_order(outages: tuple[RadioOutage, ...]) -> tuple[RadioOutage, ...]:

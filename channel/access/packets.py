@@ -42,6 +42,8 @@ class Loss(StrEnum):
     """A node on its way knew no next one (`channel.routing`)."""
     HOP_LIMIT = "hop_limit"
     """It was handed on as often as it may be."""
+    PARTITIONED = "partitioned"
+    """Its sender and the node that it was for were in groups that do not hear each other."""
 
 
 class Handling(NamedTuple):

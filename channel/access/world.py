@@ -180,6 +180,14 @@ class Switched(Protocol):
         """Whether a node's radio is off at an instant."""
 
 
+@runtime_checkable
+class Parted(Protocol):
+    """A world in which groups of nodes may not hear each other for a while."""
+
+    def are_apart(self, node: int, other: int, at_ns: int) -> bool:
+        """Whether nothing comes from one node to another at an instant."""
+
+
 class PlainWorld:
     """Every node hears every other equally well, but those that are deaf to each other; two frames at once spoil both.
 

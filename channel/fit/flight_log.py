@@ -30,8 +30,8 @@ TRUE = frozenset({"1", "true", "yes", "delivered"})
 FALSE = frozenset({"0", "false", "no"})
 NOTHING = frozenset({"", "nan", "none", "null", "-"})
 MAX_LENGTH_BYTES = 1 << 24
-BEFORE_THE_RADIO = frozenset({"transport", "too_long", "no_position", "radio_off"})
-"""Fates in a run's deliveries of packets that the radio never sent."""
+BEFORE_THE_RADIO = frozenset({"transport", "too_long", "no_position", "radio_off", "partitioned"})
+"""Fates in a run's deliveries of packets that the channel had nothing to do with."""
 NO_OUTCOME = "has no column delivered (1 or 0), nor fate: which packets arrived has to be said"
 ALL_RECEIVERS = "all"
 """In the column `rx` of a run's deliveries: packets that were lost together, in one row."""

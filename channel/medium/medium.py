@@ -23,6 +23,7 @@ from channel.medium.judge.taken import Witness
 from channel.medium.reception import EVERYBODY, FATES, NO_PACKETS, Fate, Packets, Receptions
 from channel.medium.settling import Settling
 from channel.medium.stations.emitter_tracks import EmitterTracks
+from channel.medium.stations.partitions import Partition, Partitions
 from channel.medium.stations.switches import Switches
 from channel.medium.stations.tracks import FOREVER, Snapshot, Tracks, truth_rows
 
@@ -52,6 +53,7 @@ class Medium:
             they stand).
         groups: names of the members of each group of nodes that packets may be for.
         network: name of a further radio network of the run, whose draws are others; "": the run's own.
+        partitions: by names of nodes, also of other networks.
 
     Attributes:
         nodes: their names; columns of packets and receptions name a node by its place here.
@@ -60,6 +62,7 @@ class Medium:
         addressees: who packets are for.
         emitters: where the emitters are: `emitters.observe` takes in their truth.
         bases: which nodes stand on the ground, shape (nodes,).
+        partitions: as given.
 
     Raises:
         ChannelInputError: names that are not distinct, a node without a radio, radios on several frequencies, a radio
@@ -80,6 +83,7 @@ class Medium:
         ahead_ns: int = 0,
         groups: Mapping[str, Collection[str]] = NO_GROUPS,
         network: str = "",
+        partitions: Sequence[Partition] = (),
     ) -> None:
         self.nodes = tuple(nodes)
         self.index = {node: i for i, node in enumerate(self.nodes)}
@@ -94,6 +98,7 @@ class Medium:
         if not heard <= set(self.emitters.names):
             raise ChannelInputError("emitters", self.emitters.names, f"with {', '.join(sorted(heard))}")
         self._switches = switches or Switches(len(self.nodes))
+        self.partitions, self._partitions = partitions, Partitions(self.nodes, partitions)
         self.bases = self._on_the_ground(bases)
         self._settling = self.drawing(judge=judge, cull=True)
         self._waiting: list[Packets] = []
@@ -112,7 +117,7 @@ class Medium:
         Args:
             judge: takes in what is drawn.
             cull: whether to leave out draws that cannot change a fate: then weak signals have no power.
-            switched: whether radios may be off; else all are on.
+            switched: whether radios may be off, and nodes apart; else all are on, and none are.
             bit_rate_bps: at which radios transmit; each at its own unless given.
             expects: whether to say how likely each delivery was; else that is NaN, and takes no time.
         """
@@ -125,6 +130,7 @@ class Medium:
             judge=judge,
             emitters=self.emitters,
             switches=self._switches if switched else None,
+            partitions=self._partitions if switched else None,
             bases=self.bases,
             addressees=self.addressees,
             expects=expects,
@@ -245,6 +251,10 @@ class Medium:
     def radio_off(self, node: int, sim_time_ns: int) -> bool:
         """Return whether the radio of a node, by its place in `nodes`, is off at an instant."""
         return self._switches.is_off(node, sim_time_ns)
+
+    def are_apart(self, node: int, other: int, sim_time_ns: int) -> bool:
+        """Return whether a partition is between two nodes, by their places in `nodes`, at an instant."""
+        return self._partitions.are_apart(node, other, sim_time_ns)
 
     def send(self, packets: Packets) -> None:
         """Keep packets until they can be settled.

@@ -46,11 +46,14 @@ class Fate(Enum):
     NO_ROUTE = "no_route"
     """Of networks whose nodes hand packets on (`channel.routing`), as is the next."""
     HOP_LIMIT = "hop_limit"
+    PARTITIONED = "partitioned"
+    """Its sender and its receiver were in groups that do not hear each other (`channel.medium.stations.partitions`)."""
 
 
 FATES = tuple(Fate)
 """By the numbers in `Receptions.fate`."""
 DELIVERED, ERASED, OUT_OF_RANGE, BASE_LOSS, BURST, BELOW_PREAMBLE, NO_POSITION, RADIO_OFF = range(8)
+PARTITIONED = FATES.index(Fate.PARTITIONED)
 UNDECIDED_FROM = NO_POSITION
 """With fates from here on the channel has nothing to do: it computes nothing for them, and no distance bin has them."""
 
@@ -115,8 +118,8 @@ class Receptions:
         packets: what was settled, in canonical order.
         packet: row of `packets`, shape (R,).
         rx: intended receiver, as its index in `Medium.nodes`.
-        distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION` and `Fate.RADIO_OFF`, as are
-            the next three.
+        distance_m: between the two at that instant, to 1 mm; NaN with `Fate.NO_POSITION`, `Fate.RADIO_OFF` and
+            `Fate.PARTITIONED`, as are the next three.
         received_power_dbm: with the drawn shadowing and fading, to 0.001 dB; NaN where no draw could have saved the
             packet, so that none was made.
         snr_db: likewise.

@@ -18,8 +18,9 @@ from channel.medium.addressees import Addressees
 from channel.medium.judge.taken import Witness
 from channel.medium.links import Indices, LinksOfPass
 from channel.medium.pair import Pair, SettledLinks, blank, put
-from channel.medium.reception import RADIO_OFF, Packets, Receptions
+from channel.medium.reception import PARTITIONED, RADIO_OFF, Packets, Receptions
 from channel.medium.stations.emitter_tracks import EmitterTracks
+from channel.medium.stations.partitions import Partitions
 from channel.medium.stations.switches import Switches
 from channel.medium.stations.tracks import Snapshot, Tracks
 
@@ -38,6 +39,7 @@ class Settling:
         judge: takes in what is drawn, for a verdict.
         emitters: where the run's emitters are.
         switches: of the nodes' radios; all stay on unless given.
+        partitions: of the nodes; none unless given.
         bases: which nodes stand on the ground; none unless given.
         addressees: who packets are for; nodes and everybody unless given.
         expects: whether to say how likely each delivery was; else that is NaN.
@@ -56,6 +58,7 @@ class Settling:
         judge: Witness | None = None,
         emitters: EmitterTracks | None = None,
         switches: Switches | None = None,
+        partitions: Partitions | None = None,
         bases: NDArray[np.bool_] | None = None,
         addressees: Addressees | None = None,
         expects: bool = True,
@@ -84,6 +87,7 @@ class Settling:
         self._velocity = any(pair.terms.needs_velocity for pair in self._pairs)
         count = len(draws.nodes)
         self._switches = switches or Switches(count)
+        self._partitions = partitions or Partitions(draws.nodes)
         self._bases = np.zeros(count, dtype=bool) if bases is None else bases
         self._roles = any(pair.radio.needs_roles for pair in self._pairs)
         self._addressees = addressees or Addressees(draws.nodes)
@@ -137,10 +141,12 @@ class Settling:
         """
         packet, rx = self._addressees.links(packets)
         counted = self.counted_bytes(packets) if counted is None else counted
-        if not self._switches.are_used:
+        if not (self._switches.are_used or self._partitions.are_used):
             return Receptions(packets, packet, rx, *self._settled(packets, counted, packet, rx))
-        out, on = blank(rx.size), np.flatnonzero(~self._off(packets, packet, rx))
-        out.fate[:], out.probability_of_delivery[:] = RADIO_OFF, 0.0
+        off = self._off(packets, packet, rx)
+        apart = self._partitions.between(packets.tx[packet], rx, packets.sim_time_ns[packet])
+        out, on = blank(rx.size), np.flatnonzero(~(off | apart))
+        out.fate[:], out.probability_of_delivery[:] = np.where(off, RADIO_OFF, PARTITIONED), 0.0
         put(self._settled(packets, counted, packet[on], rx[on]), out, on)
         return Receptions(packets, packet, rx, *out)
 

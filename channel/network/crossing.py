@@ -21,6 +21,7 @@ from channel.medium.links import Indices, LinksOfPass
 from channel.medium.medium import Medium
 from channel.medium.random_terms import RandomTerms
 from channel.medium.reception import EVERYBODY, Packets
+from channel.medium.stations.partitions import Partitions
 from channel.network.drawn import HEARD_DB
 from channel.numbers.units import SPEED_OF_LIGHT_MPS, ratio_from_db
 from channel.phy.interference import Interference
@@ -66,6 +67,7 @@ class Crossing:
         self._floor_dbm = np.array([radio.noise_floor_dbm for radio in there.radios])
         names = (*there.nodes, *(f"{source.name}/{node}" for node in here.nodes))
         self._draws = LinkDraws(there.draws, names)
+        self._partitions = Partitions((*there.nodes, *here.nodes), there.partitions)
         self._law = cache(self._law_of)
         self._share = cache(self._share_of)
 
@@ -113,6 +115,7 @@ class Crossing:
         for number, rows in enumerate(self._rows):
             power_dbm[rows] = self._law(kind, number).power_dbm(links.at(rows))
         power_dbm[~self._target.medium.known] = -np.inf
+        power_dbm[self._partitions.between(links.tx, links.rx, frame.started_ns)] = -np.inf
         distance_m = links.distance_m
         there = self._target.medium
         own = there.index.get(self._source.medium.nodes[frame.node])

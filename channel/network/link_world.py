@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import accumulate, pairwise
+from math import inf
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -137,7 +138,9 @@ class LinkWorld:
         ]
 
     def apart_m(self, node: int, other: int, at_ns: int) -> float:
-        """How far two nodes are from each other at an instant."""
+        """How far two nodes are from each other at an instant; inf: a partition is between them."""
+        if self.are_apart(node, other, at_ns):
+            return inf
         way = self._medium.positions_ned_m(np.array([at_ns]))[:, 0]
         return float(np.linalg.norm(way[:, node] - way[:, other]))
 
@@ -151,7 +154,7 @@ class LinkWorld:
         self._expected = {}
 
     def reach(self, frame: AirFrame) -> FrameArrivals:
-        """All that its power reaches, unless it is far below the noise there, or the radio is off."""
+        """All that its power reaches, unless it is far below the noise there, a radio is off, or nodes are apart."""
         if self.beside is not None:
             self.beside.starts(frame)
         key = _key(frame)
@@ -223,6 +226,10 @@ class LinkWorld:
     def is_off(self, node: int, at_ns: int) -> bool:
         """Whether a node's radio is off at an instant."""
         return self._medium.radio_off(node, at_ns)
+
+    def are_apart(self, node: int, other: int, at_ns: int) -> bool:
+        """Whether a partition is between two nodes at an instant."""
+        return self._medium.are_apart(node, other, at_ns)
 
     def noise_mw(self, node: int, at_ns: int) -> float:
         """The noise of a node's receiver at an instant, with all that interferes but frames."""

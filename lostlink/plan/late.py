@@ -1,4 +1,4 @@
-"""What a scenario has for times after its run: outages, gusts, tracks, expectations."""
+"""What a scenario has for times after its run: outages, partitions, gusts, tracks, expectations."""
 
 from __future__ import annotations
 
@@ -27,6 +27,8 @@ def _events(scenario: Scenario) -> Iterator[tuple[str, float]]:
     for node in scenario.transceivers:
         for outage in node.radio_off:
             yield f"node {node.node}: its radio goes off at", outage.from_s
+    for number, partition in enumerate(scenario.partitions):
+        yield f"partitions.{number}: it begins at", partition.from_s
     for other in scenario.nodes:
         if not isinstance(other, Aircraft) and len(other.track) > 1:
             yield (

@@ -29,6 +29,7 @@ def lines_of(plan: RunPlan) -> Iterator[str]:
     groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
     yield from _section(f"Groups of addressees ({len(groups)})", groups)
     yield from _section("Radio outages", [each.line() for each in plan.outages])
+    yield from _section("Partitions", [each.line() for each in plan.partitions])
     processes = [f"{name}: {named(nodes)}" if nodes else name for name, nodes in plan.processes.items()]
     yield from _section(f"Processes ({plan.joined})", processes)
     yield from _section(f"Ports ({len(plan.ports)})", list(plan.ports))

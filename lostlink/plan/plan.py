@@ -31,6 +31,7 @@ from lostlink.plan.radios.held import held_back
 from lostlink.plan.radios.links import RadioLinks, links_of, unlinked
 from lostlink.plan.radios.networks import NetworkPlan, networks_of, rates_that_differ
 from lostlink.plan.radios.outages import OutagePlan, outages_of
+from lostlink.plan.radios.partitions import PartitionPlan, partition_plans
 from lostlink.plan.radios.reach import Reach, reach_of
 from lostlink.plan.radios.unheard import unheard
 from lostlink.plan.start_positions import start_ned_m
@@ -86,6 +87,7 @@ class RunPlan:
         nodes: all of them.
         groups: the members of each group of addressees.
         outages: when which of their radios are off.
+        partitions: when which of them do not hear each other.
         joined: how its parts are joined, in words.
         processes: by name, the nodes that each has to do with; none named: all of them.
         ports: that the run listens on.
@@ -110,6 +112,7 @@ class RunPlan:
     nodes: tuple[NodePlan, ...]
     groups: dict[str, tuple[str, ...]]
     outages: tuple[OutagePlan, ...]
+    partitions: tuple[PartitionPlan, ...]
     joined: str
     processes: dict[str, tuple[str, ...]]
     ports: tuple[str, ...]
@@ -146,6 +149,7 @@ def plan_of(scenario: Scenario) -> RunPlan:
         tuple(_node(node, radios) for node in scenario.nodes),
         scenario.groups_on(MAIN),
         outages_of(scenario),
+        partition_plans(scenario),
         in_words(scenario),
         _processes(scenario),
         tuple(str(use) for use in ports_of(scenario)),

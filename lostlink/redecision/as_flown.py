@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from bridge.scenario.model import Scenario
 
-OF_THE_RADIO: Final = frozenset(("seed", "radio", "networks", "nodes"))
+OF_THE_RADIO: Final = frozenset(("seed", "radio", "networks", "partitions", "nodes"))
 OF_NO_RESULT: Final = frozenset(
     (
         "name",

@@ -117,12 +117,17 @@ class Redecision:
         return any(each.routing is not None for each in self.books)
 
     @property
+    def is_parted(self) -> bool:
+        """Whether there are partitions."""
+        return bool(self.scenario.partitions)
+
+    @property
     def table(self) -> pa.Table:
         """The rows of `deliveries.parquet` as this radio has them (docs/reference/run-output.md)."""
         import pyarrow as pa
 
         words = Vocabulary()
-        fates = FatesInTable.of(routed=self.is_routed)
+        fates = FatesInTable.of(routed=self.is_routed, parted=self.is_parted)
         columns = self.after.columns | self.facts.words(self.after.columns, words)
         columns |= {"fate": fates.places_of(columns["fate"])}
         names = labels_of(self.after.nodes) | {"fate": fates.names} | words.names

@@ -96,7 +96,9 @@ def write_deliveries(
     """
     directory.mkdir(parents=True, exist_ok=True)
     words = Vocabulary()
-    writer = DeliveryWriter(directory, result.after.nodes, words, routed=result.is_routed)
+    writer = DeliveryWriter(
+        directory, result.after.nodes, words, routed=result.is_routed, parted=result.is_parted
+    )
     try:
         for begin in range(0, len(result.after), ROWS_AT_ONCE):
             part = result.after.at(slice(begin, begin + ROWS_AT_ONCE))

@@ -85,6 +85,9 @@ GAPS_FROM: Final = len(reception.FATES)
 OF_ROUTING: Final = frozenset(fate.value for fate in (reception.Fate.NO_ROUTE, reception.Fate.HOP_LIMIT))
 """Fates that only tables of runs have whose nodes hand packets on: others are as they were without these."""
 
+OF_PARTITIONS: Final = frozenset((reception.Fate.PARTITIONED.value,))
+"""Likewise, of runs with partitions."""
+
 
 class Gap(NamedTuple):
     """Packets of one sender that are lost before the channel: from ``first_seq`` on.
@@ -144,9 +147,9 @@ class FatesInTable(NamedTuple):
     places: NDArray[np.int16]
 
     @classmethod
-    def of(cls, *, routed: bool) -> FatesInTable:
-        """Of a run whose nodes hand packets on, or not."""
-        absent = frozenset() if routed else OF_ROUTING
+    def of(cls, *, routed: bool, parted: bool) -> FatesInTable:
+        """Of a run whose nodes hand packets on, or not; with partitions or without."""
+        absent = (frozenset() if routed else OF_ROUTING) | (frozenset() if parted else OF_PARTITIONS)
         names = tuple(name for name in FATES if name not in absent)
         places = [names.index(name) if name in names else -1 for name in FATES]
         return cls(names, np.array(places, dtype=np.int16))
@@ -171,6 +174,7 @@ class DeliveryWriter:
         nodes: ids of all nodes.
         words: that rows have places in.
         routed: whether nodes hand packets on.
+        parted: whether there are partitions.
     """
 
     def __init__(
@@ -180,10 +184,11 @@ class DeliveryWriter:
         words: Vocabulary | None = None,
         *,
         routed: bool = False,
+        parted: bool = False,
     ) -> None:
         self.everybody = len(nodes)
         self._words = words or Vocabulary()
-        self._fates = FatesInTable.of(routed=routed)
+        self._fates = FatesInTable.of(routed=routed, parted=parted)
         labels = labels_of(nodes) | {"fate": self._fates.names} | self._words.names
         self._writer = TableWriter(run, DELIVERIES, labels)
         self.flush, self.close = self._writer.flush, self._writer.close

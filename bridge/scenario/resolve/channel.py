@@ -9,6 +9,7 @@ from typing import Final
 
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.partitions import partitions_of
 from bridge.scenario.resolve.radio import radios_of
 from bridge.scenario.resolve.sensing import emitters_of
 from channel.access.media.medium import AccessMedium
@@ -177,6 +178,7 @@ def channel_of(
         ahead_ns=2 * scenario.tick_period_ns if takes_time else 0,
         groups=scenario.groups_on(name),
         network=network,
+        partitions=partitions_of(scenario),
     )
     if isinstance(settings, Ideal):
         return RadioChannel(name, medium, None, judge)
@@ -188,9 +190,19 @@ def channel_of(
         surroundings = Surroundings.of(world, medium.index, medium.draws.seed, configs, noise_floor_dbm)
         return settings.open(surroundings)
 
+    entry = _entry_of(scenario, medium)
+    try:
+        router = router_of(routing, medium.index, medium.draws)
+        return RadioChannel(name, medium, Network(medium, opened, entry, judge, router), judge)
+    except ValueError as error:
+        key = "radio" if name == MAIN else f"networks.{name}"
+        raise PresetError(str(error), key=f"{key}.medium") from error
+
+
+def _entry_of(scenario: Scenario, medium: Medium) -> EntryInstants:
     transmit = scenario.transmit
-    entry = EntryInstants(
-        nodes,
+    return EntryInstants(
+        medium.nodes,
         EntrySettings(
             None if transmit.phase_s == "drawn" else transmit.phase_s,
             transmit.processing_s,
@@ -199,9 +211,3 @@ def channel_of(
         scenario.tick_period_ns,
         medium.draws.common,  # it is the computer that takes this time, whichever radio it feeds
     )
-    try:
-        router = router_of(routing, medium.index, medium.draws)
-        return RadioChannel(name, medium, Network(medium, opened, entry, judge, router), judge)
-    except ValueError as error:
-        key = "radio" if name == MAIN else f"networks.{name}"
-        raise PresetError(str(error), key=f"{key}.medium") from error

@@ -369,13 +369,17 @@ class Station:
         assert packet is not None
         if self._tries >= self._medium.settings.attempts_max:
             assert packet.to is not None
-            is_off = self._medium.is_off(packet.to, self._tried_ns)
-            self._medium.ended(packet, self._frame, self.attempts, Loss.RADIO_OFF if is_off else Loss.RETRIES)
+            self._medium.ended(packet, self._frame, self.attempts, self._why_unanswered(packet.to))
             self._done()
         else:
             self._cw = min(2 * self._cw + 1, self._timing.cw_max)
             self._draw_backoff()
         self._schedule()
+
+    def _why_unanswered(self, to: int) -> Loss:
+        if self._medium.is_off(to, self._tried_ns):
+            return Loss.RADIO_OFF
+        return Loss.PARTITIONED if self._medium.are_apart(self._node, to, self._tried_ns) else Loss.RETRIES
 
     # What it hears (`channel.access.air.Ear`).
 

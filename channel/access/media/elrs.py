@@ -198,7 +198,7 @@ class Elrs(AccessMedium):
             return
         pair = self._pairs[packet.node]
         if way is pair.down and not pair.up.is_heard:
-            self._lost(packet, Loss.OUTAGE)
+            self._lost(packet, self._why_down(packet, way))
         else:
             super()._enter(packet)
 
@@ -324,10 +324,14 @@ class Elrs(AccessMedium):
     def _flush(self, way: _Way) -> None:
         """A transmitter that has found its link again forgets what waits."""
         if way.rest is not None:
-            self._damaged(way, way.rest, None, Loss.OUTAGE)
+            self._damaged(way, way.rest, None, self._why_down(way.rest.packet, way))
             way.rest = None
         while (packet := self._next(way.node)) is not None:
-            self._lost(packet, Loss.OUTAGE)
+            self._lost(packet, self._why_down(packet, way))
+
+    def _why_down(self, packet: AirPacket, way: _Way) -> Loss:
+        """Why a packet meets a link that is down: a partition was between its ends when it was given."""
+        return Loss.PARTITIONED if self.are_apart(way.node, way.peer, packet.at_ns) else Loss.OUTAGE
 
     def _confirm(self, way: _Way, bit: bool) -> None:
         """A confirmation came to the sender of a way."""

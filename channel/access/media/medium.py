@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from channel.access.agenda import ACTS, Agenda, WholeAgenda
 from channel.access.packets import AirFate, AirFates, AirFrame, AirPacket, Loss, Outcome, Reply
 from channel.access.queue import QueueLimits, TransmitQueue
-from channel.access.world import Foreseeing, Identified, Rows, Switched, World
+from channel.access.world import Foreseeing, Identified, Parted, Rows, Switched, World
 from sitl_configs.own_code import is_own
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ class AccessMedium(ABC):
         self._listener: Callable[[Outcome], object] | None = None
         self._foresees = world if isinstance(world, Foreseeing) else None
         self._switched = world if isinstance(world, Switched) else None
+        self._parted = world if isinstance(world, Parted) else None
         self._offered: list[AirPacket] = []
         """Packets that have not entered yet, for a world that foresees."""
 
@@ -100,6 +101,10 @@ class AccessMedium(ABC):
     def is_off(self, node: int, at_ns: int) -> bool:
         """Whether a node's radio is off at an instant."""
         return self._switched is not None and self._switched.is_off(node, at_ns)
+
+    def are_apart(self, node: int, other: int, at_ns: int) -> bool:
+        """Whether a partition is between two nodes at an instant."""
+        return self._parted is not None and self._parted.are_apart(node, other, at_ns)
 
     def queued(self, node: int) -> tuple[int, int]:
         """How many packets of a node wait, and their bytes; one of which a part was sent waits with what is left."""

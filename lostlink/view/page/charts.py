@@ -39,6 +39,7 @@ CAUSE_COLOURS = {
     "run_ended": "#bdbdbd",
     "no_route": "#ff7f00",
     "hop_limit": "#fdbf6f",
+    "partitioned": "#8c6d31",
     "interfered": "#e7298a",
     "transport": "#1b9e77",
     "too_long": "#66a61e",

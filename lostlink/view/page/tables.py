@@ -258,6 +258,8 @@ def link_words(view: FleetView, network: str, tx: int, rx: int, way: Sequence[in
     if silent:
         off = f"radio of {' and of '.join(silent)} off"
         return f"{names}: {off}; {delivered:.0f} of {sent:.0f} packets delivered"
+    if view.are_apart(tx, rx):
+        return f"{names}: a partition is between them; {delivered:.0f} of {sent:.0f} packets delivered"
     figures = (
         f"{distance_m:.0f} m, {_number(power_dbm)} dBm, SNR {_number(snr_db)} dB, probability of delivery "
         f"{links.probability[tx, rx]:.2f}"

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from bridge.bus.messages import AgentStatus, AircraftState, Clock, Fates, Links, Message, Truth, Truths
 from bridge.scenario.model import Scenario
 from bridge.scenario.nodes import MAIN
+from bridge.scenario.resolve.partitions import partitions_of
 from bridge.scenario.resolve.radio import config_of
+from channel.medium.stations.partitions import Partition, Partitions
 from channel.routing.settings import NoRouting
 from lostlink.view.picture.air_history import AirHistory
 from lostlink.view.picture.link_history import VALUES_MAX, LinkHistory
@@ -91,6 +93,7 @@ class FleetView:
         networks: names of the radio networks.
         routed: those whose nodes hand packets on.
         members: ids of the nodes that are on a network, where these are not all.
+        partitions: of the nodes.
     """
 
     def __init__(
@@ -102,6 +105,7 @@ class FleetView:
         networks: Sequence[str] = (MAIN,),
         routed: Set[str] = frozenset(),
         members: Mapping[str, Set[str]] = MappingProxyType({}),
+        partitions: Sequence[Partition] = (),
     ) -> None:
         self.nodes = tuple(nodes)
         self.emitters = tuple(emitters)
@@ -110,6 +114,7 @@ class FleetView:
         self._emitter_index = {emitter.id: number for number, emitter in enumerate(self.emitters)}
         self._now_s = now_s
         self.networks, self._routed, self._members = tuple(networks), routed, members
+        self._partitions = Partitions(tuple(self.index), partitions)
         self.times_forgotten = 0
         """How often all was forgotten: whoever shows what is new begins anew then."""
         self._begin()
@@ -119,7 +124,9 @@ class FleetView:
         self._clock_s = self._now_s()
         self.is_over = False
         values_max = VALUES_MAX // len(self.networks)
-        self.links = {name: LinkHistory(len(self.nodes), values_max) for name in self.networks}
+        self.links = {
+            name: LinkHistory(len(self.nodes), values_max, self._partitions) for name in self.networks
+        }
         """By radio network."""
         self.logged = Logged(tuple(self.index))
         self.news = {node.id: NodeNews() for node in self.nodes}
@@ -195,6 +202,10 @@ class FleetView:
     def is_on(self, node: int, network: str) -> bool:
         """Whether a node is on a radio network."""
         return self.nodes[node].id in self._members.get(network, self.index)
+
+    def are_apart(self, node: int, other: int) -> bool:
+        """Whether a partition is between two nodes now."""
+        return self._partitions.are_apart(node, other, self.sim_time_ns)
 
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return tx and rx of all links that have carried a packet on any network."""
@@ -293,6 +304,7 @@ def view_of(scenario: Scenario, now_s: Callable[[], float] = lambda: 0.0) -> Fle
         scenario.network_names,
         frozenset(_routed(scenario)),
         {name: {node.node for node in scenario.nodes_on(name)} for name in scenario.network_names},
+        partitions_of(scenario),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bridge.bus.messages import Links
+from channel.medium.stations.partitions import Partitions
 
 BIN_WIDTH_M = 20.0
 """As in the ledger (`channel.medium.ledger`)."""
@@ -62,13 +63,16 @@ class LinkHistory:
     Args:
         nodes: how many there are.
         values_max: numbers that are kept of all reports together.
+        partitions: of the nodes; none unless given.
     """
 
-    def __init__(self, nodes: int, values_max: int = VALUES_MAX) -> None:
+    def __init__(
+        self, nodes: int, values_max: int = VALUES_MAX, partitions: Partitions | None = None
+    ) -> None:
         shape = (len(FIGURES), nodes, nodes)
         self._latest = np.full(shape, np.nan, dtype=np.float32)
         self.probability = np.full((nodes, nodes), np.nan)
-        """[tx, rx]: recent mean of 1 - PER of each link, of packets that have one; NaN if off, or without packets."""
+        """[tx, rx]: recent mean of 1 - PER of each link, of packets that have one; NaN if off, apart or without any."""
         self.newest_s = np.full((nodes, nodes), np.nan)
         """[tx, rx]: sim time of the latest report with new packets of the link; NaN if it carried none.
 
@@ -82,6 +86,9 @@ class LinkHistory:
         """[tx, rx]: of the latest packet that had one."""
         self._silent: tuple[int, ...] = ()
         """Nodes whose radios were off at the latest report."""
+        self._partitions = partitions or Partitions([""] * nodes)
+        self._taken_ns = 0
+        """When the latest report was."""
         self._bins: Floats = np.zeros((2, 1))
         self.reports = 0
         """How many there have been."""
@@ -95,12 +102,16 @@ class LinkHistory:
         self.reports += 1
         has_new = ~(self._latest[4, tx, rx] <= before[0])
         self.newest_s[tx[has_new], rx[has_new]] = links.header.stamp.ns / 1e9 if self.reports > 1 else 0.0
-        is_off = np.isin(tx, links.radio_off) | np.isin(rx, links.radio_off)
+        now_ns, before_ns = links.header.stamp.ns, self._taken_ns
+        self._taken_ns = now_ns
+        apart = self._partitions.between(tx, rx, now_ns)
+        is_off = np.isin(tx, links.radio_off) | np.isin(rx, links.radio_off) | apart
         old, new = self.probability[tx, rx], 1.0 - self._latest[3, tx, rx]
         change = np.where(np.isnan(new), 0.0, SMOOTH * (new - old))
         self.probability[tx, rx] = np.where(is_off, np.nan, np.where(np.isnan(old), new, old + change))
         silent, self._silent = (*self._silent, *links.radio_off), tuple(links.radio_off)
         was_off = np.isin(tx, silent) | np.isin(rx, silent)  # at either end of what is counted
+        was_off |= apart | self._partitions.between(tx, rx, before_ns)
         distance_m = np.where(was_off, np.float32(np.nan), self._places(tx, rx))
         self._count(distance_m, np.nan_to_num(before), self._latest[4:, tx, rx])
         self._keep(links.header.stamp.ns / 1e9)

@@ -27,6 +27,11 @@ FLOWN = {
     "separation": ("separation",),
     "turbulence, noise, exchanges": ("separation", *NOISY, "--set", "mavlink_rate_hz=100"),
     "parallel coupling": ("separation", "--set", "fdm.coupling=parallel"),
+    "a partition, modems": (
+        str(MODEMS),
+        "--set",
+        "partitions=[{groups: [[0], [1, gcs]], from_s: 1, to_s: 2}]",
+    ),
     "outages": ("separation", "--radio", "wifi-2.4", "--set", "nodes.1.radio_off=[{from_s: 2, to_s: 4}]"),
     "localise": (str(EXAMPLES / "localise" / "localise.yaml"),),
     "wander": (str(EXAMPLES / "agents" / "wander.yaml"),),

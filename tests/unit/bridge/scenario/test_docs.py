@@ -59,6 +59,16 @@ def test_the_outages_are_right() -> None:
     assert [(each.from_s, each.to_s) for each in it.ua[1].radio_off] == [(20, 30), (90, None)]
 
 
+def test_the_partitions_are_right() -> None:
+    nodes = "".join(f"  - {{id: {n}, groups: [squad-{n % 2}], agent: {{type: still}}}}\n" for n in range(3))
+    gcs = "  - {id: gcs, kind: ground, agent: {type: still}}\n"
+    it = parse_scenario(f"{HEAD}nodes:\n{nodes}{gcs}{block('partitions:')}", "docs")
+    assert [it.nodes_apart(each) for each in it.partitions] == [
+        (("0", "1"), ("2", "gcs")),
+        (("0", "2"), ("1",)),
+    ]
+
+
 @pytest.mark.slow
 def test_the_networks_are_right() -> None:
     """Radios of pairs would leave one of the three without a peer."""

@@ -346,6 +346,25 @@ def test_radio_outages_are_named_with_who_is_off_together(tmp_path: Path) -> Non
     assert "Radio outages" not in checked("separation").output
 
 
+def test_partitions_are_told_with_their_sides_and_who_is_on_none(tmp_path: Path) -> None:
+    parts = "[{groups: [[2], [9]], from_s: 60}, {groups: [[0, 1], [2]], from_s: 5, to_s: 7.5}]"
+    (tmp_path / "parted.yaml").write_text(f"{TEXT}partitions: {parts}\n")
+    said = checked(str(tmp_path / "parted.yaml")).output
+    lines = said.splitlines()
+    at = lines.index("Partitions")
+    assert lines[at + 1 : at + 4] == [
+        "  0, 1 | 2: apart from 5 s to 7.5 s; gcs, 9: on no side, with links to all",
+        "  2 | 9: apart from 60 s to the end; 0, 1, gcs: on no side, with links to all",
+        "",
+    ]
+    assert "partitions.0: it begins at 60 s, and the run ends at duration_s" in said
+    assert json.loads(checked(str(tmp_path / "parted.yaml"), "--json").output)["partitions"] == [
+        {"groups": [["0", "1"], ["2"]], "unlisted": ["gcs", "9"], "from_s": 5.0, "to_s": 7.5},
+        {"groups": [["2"], ["9"]], "unlisted": ["0", "1", "gcs"], "from_s": 60.0, "to_s": None},
+    ]
+    assert "Partitions" not in checked("separation").output
+
+
 def test_ua_with_one_home_are_warned_of() -> None:
     text = TEXT.replace("home: {line: {spacing_m: 10}}", "home: {north_m: 50}")
     warning = plan_of(parse_scenario(text, "planned.yaml")).warnings[-1]

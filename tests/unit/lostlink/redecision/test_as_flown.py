@@ -46,6 +46,7 @@ def test_another_flight_is_refused_with_its_key(scenario: Scenario, key: str, va
         ("radio", "wifi-2.4"),
         ("networks", {"other": {"radio": "disk"}}),
         ("nodes.1.radio_off", [{"from_s": 1, "to_s": 2}]),
+        ("partitions", [{"groups": [[0], [1]], "from_s": 1}]),
         ("nodes.b1.power_dbm", 40),
         ("expectations", [{"type": "delivery", "at_least": 0.5}]),
         ("name", "anew"),

@@ -95,7 +95,7 @@ def test_written_decimals_come_back_exactly(
 ) -> None:
     run = tmp_path_factory.mktemp("run")
     words = Vocabulary()
-    writer, begin = DeliveryWriter(run, NODES, words, routed=True), 0  # which has all fates
+    writer, begin = DeliveryWriter(run, NODES, words, routed=True, parted=True), 0  # which has all fates
     names = [column.name for column in DELIVERIES.columns]
     while begin < len(rows):
         part = rows[begin : begin + parts[begin % len(parts)]]

@@ -105,6 +105,7 @@ def test_what_ships_is_right_and_names_the_schema(file: Path) -> None:
             }.items()
         ),
         {"expectations": [{"type": "age", "node": 0, "at_most_s": 3}, {"type": "host_losses"}]},
+        {"nodes": [STILL, {**STILL, "id": 1}], "partitions": [{"groups": [[0], ["1"]], "from_s": 3}]},
     ],
 )
 def test_what_is_right_is_taken(change: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bridge.bus.messages import Header, Links
+from channel.medium.stations.partitions import Partition, Partitions
 from lostlink.view.picture import link_history
 from lostlink.view.picture.link_history import BIN_WIDTH_M, FIGURES, WINDOW, LinkHistory
 from tests.unit.lostlink.view.fleet import links
@@ -61,6 +62,21 @@ def test_packets_that_never_were_on_the_air_are_counted_where_the_link_was_last(
     assert bins.distance_m.tolist() == [1.5 * BIN_WIDTH_M, 2.5 * BIN_WIDTH_M]
     assert bins.sent.tolist() == [8, 4]
     assert bins.delivered.tolist() == [5, 4]
+
+
+def test_while_a_partition_is_between_two_nodes_nothing_is_measured() -> None:
+    parts = Partitions(["0", "1"], [Partition([["0"], ["1"]], 500_000_000, 700_000_000)])
+    history = LinkHistory(2, partitions=parts)
+    history.take(links(0.2, 25.0, 0.0, 4, 4))
+    history.take(links(0.4, 25.0, 0.0, 8, 8))
+    history.take(links(0.6, np.nan, np.nan, 12, 10))
+    assert np.isnan(history.probability[0, 1])
+    history.take(links(0.8, 45.0, 0.0, 16, 12))  # two before the partition was over
+    history.take(links(1.0, 45.0, 0.0, 20, 16))
+    bins = history.by_distance()
+    assert bins.distance_m.tolist() == [1.5 * BIN_WIDTH_M, 2.5 * BIN_WIDTH_M]
+    assert bins.sent.tolist() == [8, 4]
+    assert bins.delivered.tolist() == [8, 4]
 
 
 def test_packets_from_before_somebody_looked_are_counted_nowhere() -> None:
