@@ -395,6 +395,31 @@ def test_a_link_is_lost_after_its_time_and_found_at_the_next_sync(dark_s: int, s
     assert up == {0: Loss.OUTAGE, **dict.fromkeys(range(1, 5), Loss.OUTAGE)}
 
 
+class Parted(Blackout):
+    """Between its nodes there is a partition as long."""
+
+    def are_apart(self, node: int, other: int, at_ns: int) -> bool:
+        """Of the only pair."""
+        del node, other
+        return at_ns in self._dark
+
+
+def test_what_a_link_that_a_partition_took_down_loses_is_lost_to_that() -> None:
+    """Until the partition is over; while the receiver then waits for sync, it is an outage."""
+    begins_ns, ends_ns = 3 * S, 6 * S
+    medium = Elrs(Parted(begins_ns, ends_ns), seed=1)
+    for number in range(800):
+        medium.offer(AirPacket(1, number, 0, 5, number * 10 * MS))
+    for number in range(5):
+        medium.offer(AirPacket(0, number, 1, 100, begins_ns + 100 * MS))
+    lost = [one for one in fates(medium.run(20 * S)) if one.loss is not None]
+    assert {one.loss for one in lost if one.packet.node == 0} == {Loss.PARTITIONED}
+    down = [one for one in lost if one.packet.node == 1]
+    assert {one.loss for one in down} == {Loss.PARTITIONED, Loss.OUTAGE, Loss.QUEUE_FULL}
+    for one in (each for each in down if each.loss is not Loss.QUEUE_FULL):
+        assert (one.loss is Loss.PARTITIONED) == (one.packet.at_ns < ends_ns)
+
+
 def test_stubborn_ends_as_the_firmware_has_them() -> None:
     """Numbers 1, 2, then 0 for the last; a repeated first fragment turns the bit back, a repeated second does not."""
     sender, receiver = StubbornSender(127, 40), StubbornReceiver(127)

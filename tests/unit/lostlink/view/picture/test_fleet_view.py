@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from bridge.bus.messages import AgentStatus, AircraftState, Header, Quaternion, Truth, Truths
+from bridge.scenario.file import with_changes
 from lostlink.view.page.tables import fleet_rows, link_words, losses_words
 from lostlink.view.picture.fleet_view import TRAIL_POINTS, view_of
 from lostlink.view.picture.frames import PictureFrames
@@ -132,3 +133,14 @@ def test_a_radio_that_is_off_is_shown_and_told_once() -> None:
         words = "UA 0 to node gcs: radio of node gcs off; 5 of 10 packets delivered"
         assert (link_words(view, "main", 0, 1) == words) is bool(off)
     assert [(line.node, line.text) for line in view.lines] == [("gcs", "radio off"), ("gcs", "radio on")]
+
+
+def test_a_partition_between_two_nodes_is_told() -> None:
+    parted = [{"groups": [["0"], ["gcs"]], "from_s": 1.0, "to_s": 2.0}]
+    view = view_of(with_changes(scenario_of("moon2020", ("0", "gcs")), {"partitions": parted}))
+    words = "UA 0 to node gcs: a partition is between them; 5 of 10 packets delivered"
+    for time_s in (0.5, 1.0, 1.5, 2.0):
+        view.take(clock(time_s))
+        view.take(links(time_s, 100.0, 0.5, 10, 5))
+        assert (link_words(view, "main", 0, 1) == words) is (1.0 <= time_s < 2.0)
+        assert np.isnan(view.probability()[0, 1]) == (1.0 <= time_s < 2.0)
