@@ -15,7 +15,8 @@ NAN: Final = math.nan
 Vector3 = tuple[float, float, float]
 NO_VECTOR: Final[Vector3] = (NAN, NAN, NAN)
 LandedState = str
-"""``undefined``, ``on_ground``, ``in_air``, ``takeoff`` or ``landing``."""
+"""``undefined``, ``on_ground``, ``in_air``, ``takeoff`` or ``landing``. Who flew and disarms is ``undefined`` until the
+autopilot says anew."""
 FLYING: Final[frozenset[LandedState]] = frozenset({"takeoff", "in_air", "landing"})
 
 

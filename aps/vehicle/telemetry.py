@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from aps.timeouts import REBOOT_STEP_MS
 from aps.vehicle.autopilots.choice import autopilot_of
-from aps.vehicle.state import NAN, NO_VECTOR, NS_PER_S, LandedState, Vector3, VehicleState
+from aps.vehicle.state import FLYING, NAN, NO_VECTOR, NS_PER_S, LandedState, Vector3, VehicleState
 from aps.wire.dialect import enum_label, mavlink
 from aps.wire.framer import Frame
 
@@ -186,6 +186,8 @@ class Telemetry:
         values["base_mode"] = _base_mode_label(base_mode)
         values["armed"] = armed = bool(base_mode & _ARMED)
         values["system_status"] = enum_label("MAV_STATE", system_status)
+        if not armed and values.get("landed_state") in FLYING:
+            values["landed_state"] = "undefined"  # that was said before
         if not self._landed_known:
             self._set_airborne(armed and self._values.get("alt_rel_m", 0.0) > 1.0)
         elif not armed:

@@ -204,6 +204,16 @@ def test_flight_time_runs_by_the_autopilots_clock_from_lift_off_to_touch_down(fe
     assert feed(clock(41_000)).flight_time_s == 1.0
 
 
+def test_what_was_said_in_flight_does_not_outlast_disarming(feed):
+    """Who lands and arms again at once would fly by what was said before."""
+    feed(heartbeat(armed=True))
+    assert feed(mavlink.MAVLink_extended_sys_state_message(0, 4)).landed_state == "landing"
+    assert feed(heartbeat(armed=False)).landed_state == "undefined"
+    assert feed(heartbeat(armed=True)).landed_state == "undefined"
+    assert feed(mavlink.MAVLink_extended_sys_state_message(0, 1)).landed_state == "on_ground"
+    assert feed(heartbeat(armed=False)).landed_state == "on_ground"
+
+
 def test_reboot_forgets_the_old_boot(feed):
     feed(heartbeat(armed=True))
     feed(mavlink.MAVLink_extended_sys_state_message(0, 2))
