@@ -45,6 +45,7 @@ def on_disk_before_ns(run: Path, scenario: Scenario) -> int:
         content = (run / LIVE_FILE).read_bytes()
     except OSError:
         return 0
-    parts = [PHYSICS, RADIO, *(part_of(scenario, node) for node in scenario.regulated)]
+    places = (place for place, node in enumerate(scenario.transceivers) if node.is_regulated)
+    parts = [PHYSICS, RADIO, *(_FIRST_NODE + place for place in places)]
     content = content.ljust((max(parts) + 1) * _NOTE.size, b"\0")
     return min(int(_NOTE.unpack_from(content, part * _NOTE.size)[0]) for part in parts)

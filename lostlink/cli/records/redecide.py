@@ -49,11 +49,11 @@ def redecide(
 ) -> None:
     """Decide every transmission of the run in directory RUN anew, without flying, and compare with what was.
 
-    Flight and transmissions stay as recorded: what a node would have done had it heard more or less is not in the
-    result, and --set takes values of radios, networks and emissions alone. Without --radio, --seed and --set all fates
-    come out as they were, and the status is 1 if not; else it is 0, or 1 if the new fates disagree with the radio's
-    model, or 3 if what --out wrote does not meet the scenario's expectations. 2: RUN cannot be read, or there is no
-    such radio.
+    Flight and transmissions stay as recorded: what a node would have done had it heard more or less is not in
+    the result, and --set takes values of radios, networks, partitions and emissions alone. Without --radio,
+    --seed and --set all fates come out as they were, and the status is 1 if not; else it is 0, or 1 if the new
+    fates disagree with the radio's model, or 3 if what --out wrote does not meet the scenario's expectations.
+    2: RUN cannot be read, or there is no such radio.
 
     \b
     Examples:
