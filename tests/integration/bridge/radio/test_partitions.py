@@ -185,7 +185,7 @@ def test_groups_of_addressees_are_their_members_and_partitions_may_overlap(flown
     assert set(rows(run, "0", "g2").fate) == {"delivered"}
 
 
-@pytest.mark.parametrize("model", ["ideal", "csma"])
+@pytest.mark.parametrize("model", ["ideal", pytest.param("csma", marks=pytest.mark.slow)])
 def test_redecide_keeps_adds_and_removes_partitions_byte_for_byte(
     flown: Flown, model: str, tmp_path: Any
 ) -> None:

@@ -51,8 +51,11 @@ def verdict(*, asks, answers, own_power_db, at_once):
 
 @pytest.mark.parametrize(
     ("asks", "answers", "own_power_db", "at_once"),
-    [("0", "1", 0.0, 1), ("1", "0", 0.0, 1), ("1", "0", 0.01, 50)],
-    ids=["the first", "the second", "radios of their own"],
+    [
+        pytest.param("0", "1", 0.0, 1, id="the first", marks=pytest.mark.slow),
+        pytest.param("1", "0", 0.0, 1, id="the second"),
+        pytest.param("1", "0", 0.01, 50, id="radios of their own", marks=pytest.mark.slow),
+    ],
 )
 def test_answers_are_not_taken_for_powers_that_are_wrong(asks, answers, own_power_db, at_once):
     found = verdict(asks=asks, answers=answers, own_power_db=own_power_db, at_once=at_once)
