@@ -195,7 +195,7 @@ def test_redecide_keeps_adds_and_removes_partitions_byte_for_byte(
         scenario = with_changes(scenario_of(run.path), {"partitions": partitions})
         result = decide(run.path, scenario)
         assert {change["packets"] for change in result.comparison.changes} == {40}
-        again = write_run(result, tmp_path / str(len(partitions))).path
+        again = write_run(result, tmp_path / f"with-{len(partitions)}").path
         name = "deliveries.parquet"
         assert (again / name).read_bytes() == (other.path / name).read_bytes()
 
