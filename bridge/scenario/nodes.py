@@ -9,7 +9,7 @@ or with an agent of ours. An *observer* only reads, and is no node.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator, model_validator
 
@@ -45,6 +45,12 @@ class Span(Part):
     from_s: Annotated[float, Field(ge=0.0, le=SIM_TIME_MAX_S)]
     to_s: Annotated[float | None, Field(gt=0.0, le=SIM_TIME_MAX_S)] = None
 
+    @model_validator(mode="after")
+    def _ends_later(self) -> Self:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise refused(f"has to be above from_s, {self.from_s:g} (got {self.to_s:g})", "to_s")
+        return self
+
     @property
     def from_ns(self) -> int:
         """When it begins, ns of sim time."""
@@ -62,9 +68,6 @@ class RadioOutage(Span):
 
 def _in_order(outages: tuple[RadioOutage, ...]) -> tuple[RadioOutage, ...]:
     """See that outages follow each other."""
-    for index, outage in enumerate(outages):
-        if outage.to_s is not None and outage.to_s <= outage.from_s:
-            raise refused(f"has to be above from_s, {outage.from_s:g} (got {outage.to_s:g})", index, "to_s")
     for index, (before, after) in enumerate(pairwise(outages), start=1):
         if before.to_s is None or after.from_s < before.to_s:
             text = f"has to be at or after to_s of the outage before it (got {after.from_s:g})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from bridge.scenario.nodes import Span, Word
 from sitl_configs.settings import refused
@@ -23,12 +23,6 @@ class PartitionSetting(Span):
     """
 
     groups: Annotated[tuple[Group, ...], Field(min_length=2)]
-
-    @model_validator(mode="after")
-    def _ends_later(self) -> PartitionSetting:
-        if self.to_s is not None and self.to_s <= self.from_s:
-            raise refused(f"has to be above from_s, {self.from_s:g} (got {self.to_s:g})", "to_s")
-        return self
 
     def nodes(self, members: Members) -> tuple[tuple[str, ...], ...]:
         """Ids of the nodes of each group, each once.
