@@ -32,22 +32,18 @@ OPTIONS = {
 """By the key of the scenario that each changes."""
 
 
-def px4_option(command: F) -> F:
-    """Add ``--px4-dir`` to a command, as ``px4_dir``."""
+def _autopilot_dir(option: str, says: str) -> Callable[[F], F]:
     return click.option(
-        "--px4-dir",
-        type=click.Path(path_type=Path, exists=True, file_okay=False, resolve_path=True),
-        help="Where a real PX4 is (its checkout or build folder); else PX4_HOME, else PATH.",
-    )(command)
+        option, type=click.Path(path_type=Path, exists=True, file_okay=False, resolve_path=True), help=says
+    )
 
 
-def ardupilot_option(command: F) -> F:
-    """Add ``--ardupilot-dir`` to a command, as ``ardupilot_dir``."""
-    return click.option(
-        "--ardupilot-dir",
-        type=click.Path(path_type=Path, exists=True, file_okay=False, resolve_path=True),
-        help="Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH.",
-    )(command)
+px4_option = _autopilot_dir(
+    "--px4-dir", "Where a real PX4 is (its checkout or build folder); else PX4_HOME, else PATH."
+)
+ardupilot_option = _autopilot_dir(
+    "--ardupilot-dir", "Where real ArduPilot binaries are; else ARDUPILOT_HOME, else PATH."
+)
 
 
 def setting_options(command: F) -> F:
