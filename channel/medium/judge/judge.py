@@ -299,6 +299,8 @@ class _Powers:
         self._asked = False
 
     def begin(self, links: LinksOfPass) -> None:
+        if not (self._sender == NOWHERE).any():
+            return
         number = self._numbers(links)
         if self._are_new(number):
             self._begin(links.tx, number, np.lexsort((links.tx, links.sim_time_ns)))
