@@ -284,10 +284,8 @@ def _overload_by_copies(load: OfferedLoad) -> Iterator[str]:
 
 def _bursts(load: OfferedLoad, medium: MediumSettings, every_ticks: int) -> Iterator[str]:
     """Nodes that are silent for ticks transmit at the same one, which may have no room for all of them."""
-    share, senders = (
-        load.airtime_share * every_ticks,
-        [each for each in load.nodes if each.airtime_share > 0.0],
-    )
+    share = load.airtime_share * every_ticks
+    senders = [each for each in load.nodes if each.airtime_share > 0.0]
     contend = len(senders) > 1 and isinstance(medium, CsmaMedium | AirTimeMedium)
     if contend and load.airtime_share <= AIRTIME_MAX < share:
         yield (

@@ -288,12 +288,9 @@ class Run:
 
     def table(self, table: str, columns: Sequence[str] | None = None) -> pa.Table:
         """A table as Arrow; arguments and errors as of `columns`."""
-        if table == LOGGED:
-            with version_noted(self.path):
-                return self._logged_table(columns)
-        chosen = _table(table)
+        chosen = None if table == LOGGED else _table(table)
         with version_noted(self.path):
-            return read_arrow(self.path, chosen, columns)
+            return self._logged_table(columns) if chosen is None else read_arrow(self.path, chosen, columns)
 
     def _logged_table(self, columns: Sequence[str] | None) -> pa.Table:
         if not (self.path / LOGGED_FILE).exists():
