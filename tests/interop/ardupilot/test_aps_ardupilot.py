@@ -91,7 +91,8 @@ async def plane(arducopter, tmp_path):
         yield daemon
 
 
-async def test_arduplane_takes_off_circles_and_returns(plane):
+async def taken_off(plane):
+    """Where it was."""
     commands = plane.commands
     await asyncio.wait_for(plane.wait_heard(), 30)
     assert (await commands.set_mode("FBWA")).reached
@@ -99,6 +100,11 @@ async def test_arduplane_takes_off_circles_and_returns(plane):
     home = plane.state
     for result in (await commands.arm(), await commands.takeoff(60.0)):
         assert result.reached, result
+    return home
+
+
+async def test_arduplane_takes_off_circles_and_returns(plane):
+    commands, home = plane.commands, await taken_off(plane)
     target_deg = home.lat_deg + math.degrees(500.0 / 6_378_137.0)
     result = await commands.goto(target_deg, home.lon_deg, 90.0)
     assert result.reached, result
@@ -112,13 +118,7 @@ async def test_arduplane_takes_off_circles_and_returns(plane):
 
 
 async def test_arduplane_circles_to_the_left_and_a_point_after_a_wide_circle_as_it_is_set(plane):
-    commands = plane.commands
-    await asyncio.wait_for(plane.wait_heard(), 30)
-    assert (await commands.set_mode("FBWA")).reached
-    await until(plane, lambda state: state.ready_to_arm and state.position_ok)
-    home = plane.state
-    for result in (await commands.arm(), await commands.takeoff(60.0)):
-        assert result.reached, result
+    commands, home = plane.commands, await taken_off(plane)
     centre = (home.lat_deg, home.lon_deg, 90.0)
     result = await commands.run("orbit", *centre, radius_m=150.0, turns=0.7, clockwise=False)
     assert result.reached, result
